@@ -1,0 +1,86 @@
+/* Fixed-point arithmetic: multiply, round, saturate, reciprocal.
+ *
+ * Formats: q31 means value = integer / 2^31, and so on; `phase_u32` and `phase_u64` count one turn as 2^32 and 2^64.
+ * Nothing here wraps silently: what can leave its range saturates and sets a flag that the caller owns.
+ * Modular arithmetic is used on purpose in two places only (phases and the decimator's integrators), on unsigned types. */
+#ifndef WINEGLASS_CORE_FIXED_H
+#define WINEGLASS_CORE_FIXED_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* The whole core relies on an arithmetic right shift of negative integers, which C leaves to the implementation. */
+_Static_assert((-5 >> 1) == -3, "right shift of a negative integer must be arithmetic");
+_Static_assert((int32_t)0x80000000u == INT32_MIN, "conversion to a signed integer must be two's complement");
+
+/* Clamp to 32 bit; *overflow is set (never cleared) when the value did not fit. */
+static inline int32_t fixed_saturate_i32(int64_t value, bool *overflow)
+{
+    if (value > INT32_MAX) {
+        *overflow = true;
+        return INT32_MAX;
+    }
+    if (value < INT32_MIN) {
+        *overflow = true;
+        return INT32_MIN;
+    }
+    return (int32_t)value;
+}
+
+/* Clamp to [low, high], low <= high; *overflow is set when the value did not fit. */
+static inline int64_t fixed_clamp_i64(int64_t value, int64_t low, int64_t high, bool *overflow)
+{
+    if (value > high) {
+        *overflow = true;
+        return high;
+    }
+    if (value < low) {
+        *overflow = true;
+        return low;
+    }
+    return value;
+}
+
+/* Rounded upper half of the product, Qa x Qb -> Q(a+b-32).
+ * Range: |a b| <= 2^62, plus 2^31 < 2^63; the result is within [-2^30 + 0, 2^30]. */
+static inline int32_t fixed_mul_high(int32_t a, int32_t b)
+{
+    return (int32_t)(((int64_t)a * b + INT64_C(0x80000000)) >> 32);
+}
+
+/* Rounded Qa x Q31 -> Qa. Range: only INT32_MIN x INT32_MIN leaves 32 bit; it saturates to INT32_MAX. */
+static inline int32_t fixed_mul_q31(int32_t a, int32_t b_q31)
+{
+    int64_t product = ((int64_t)a * b_q31 + (INT64_C(1) << 30)) >> 31;
+    return product > INT32_MAX ? INT32_MAX : (int32_t)product;
+}
+
+/* Shift right with rounding half up, 1 <= shift <= 62. Range: value <= INT64_MAX - 2^(shift-1). */
+static inline int64_t fixed_round_shift(int64_t value, unsigned shift)
+{
+    return (value + (INT64_C(1) << (shift - 1))) >> shift;
+}
+
+/* Product of a 64-bit and a 32-bit factor, divided by 2^31, floor to within one unit.
+ * value = high 2^31 + low, 0 <= low < 2^31, so value factor / 2^31 = high factor + low factor / 2^31.
+ * Range: |value| < 2^62 so that `high` fits 32 bit; the result fits 64 bit as |value factor| < 2^93. */
+static inline int64_t fixed_mul_i64_q31(int64_t value, int32_t factor_q31)
+{
+    int32_t high = (int32_t)(value >> 31);
+    int32_t low = (int32_t)(value & 0x7FFFFFFF);
+    return (int64_t)high * factor_q31 + (((int64_t)low * factor_q31) >> 31);
+}
+
+/* 2^60 / divisor for 2^29 <= divisor < 2^31, relative error below 2^-26; exactly 2^31 saturates to INT32_MAX.
+ * A 32-bit division gives 14 good bits, one Newton step x (2 - d x) doubles them.
+ * Range: divisor >> 14 in [2^15, 2^17), so seed in (2^15, 2^17], |error| <= 2^46 1.5 2^-14 < 2^33,
+ * |seed error| < 2^50; the result lies in (2^29, 2^31]. */
+static inline int32_t fixed_reciprocal_q60(uint32_t divisor)
+{
+    uint32_t seed = UINT32_C(0xFFFFFFFF) / (divisor >> 14); /* 2^46 / divisor */
+    int64_t error_q46 = (INT64_C(1) << 46) - (int64_t)((uint64_t)divisor * seed);
+    int64_t result = ((int64_t)seed << 14) + (((int64_t)seed * error_q46) >> 32);
+    return result > INT32_MAX ? INT32_MAX : (int32_t)result;
+}
+
+#endif

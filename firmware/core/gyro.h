@@ -1,0 +1,143 @@
+/* One gyro: pickoff samples in, force samples out, rate and health beside them. A pure function of configuration, state and inputs.
+ *
+ * Three rates: every sample (mixers, decoupler, forces); every loop tick, `decimation` samples (amplitudes, drive loop); every slow
+ * tick, `loops_per_slow` loop ticks (temperature, retuning, rate). The ticks' work is spread over the samples after them, one task a
+ * sample, so that no sample is much longer than another. docs/DESIGN.md has the schedule. */
+#ifndef WINEGLASS_CORE_GYRO_H
+#define WINEGLASS_CORE_GYRO_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "core/acquisition.h"
+#include "core/decoupler.h"
+#include "core/drive_loop.h"
+#include "core/lockin.h"
+#include "core/oscillator.h"
+#include "core/output_filter.h"
+#include "core/polar.h"
+#include "core/rate.h"
+#include "core/thermal_polynomial.h"
+
+#define GYRO_THERMOMETER_INVALID INT32_MIN
+
+enum gyro_compensation {
+    GYRO_COMPENSATION_NONE,   /* rate as demodulated */
+    GYRO_COMPENSATION_STATIC, /* polynomial subtracted after demodulation */
+    GYRO_COMPENSATION_G2,     /* decoupling before demodulation (paper eq 13) */
+    GYRO_COMPENSATION_COUNT
+};
+
+enum gyro_status {
+    GYRO_STATUS_LOCKED = 1u << 0,             /* phase and amplitude within limits for the hold time */
+    GYRO_STATUS_AMPLITUDE_IN_RANGE = 1u << 1, /* primary amplitude within 1 % of its set-point */
+    GYRO_STATUS_ADC_SATURATED = 1u << 2,      /* a pickoff code stood at its limit since the last slow tick */
+    GYRO_STATUS_DRIVE_SATURATED = 1u << 3,    /* drive force at its limit */
+    GYRO_STATUS_OVERFLOW = 1u << 4,           /* an arithmetic result was clamped since the last slow tick */
+    GYRO_STATUS_CALIBRATION_VALID = 1u << 5,
+    GYRO_STATUS_TEMPERATURE_VALID = 1u << 6,  /* thermometer answers and the shift is inside the calibrated range */
+    GYRO_STATUS_RETUNE_VALID = 1u << 7,       /* frequency and decay rate inside the tuning's validity */
+    GYRO_STATUS_RATE_VALID = 1u << 8,         /* locked, no saturation, and whatever the compensation needs is valid */
+    GYRO_STATUS_ACQUIRING = 1u << 9           /* chirp or listening */
+};
+
+/* Thermometer code -> shift from the calibration temperature: (raw - offset_raw) gain. */
+struct gyro_thermometer_cfg {
+    int32_t offset_raw;           /* code at the calibration temperature */
+    int32_t gain_degc_q36;        /* degC per code; 0 < gain < 2^-5 degC */
+    int32_t shift_min_q20;        /* calibrated range */
+    int32_t shift_max_q20;
+};
+
+struct gyro_monitor_cfg {
+    int32_t phase_limit_i32;      /* |phase error| for lock, 2^32 = one turn */
+    int32_t amplitude_limit_q30;  /* |amplitude error| for lock and range */
+    uint32_t hold_ticks;          /* loop ticks within limits before `locked` is set */
+    int32_t adc_limit_q31;        /* a pickoff beyond +- this counts as saturated */
+};
+
+struct gyro_cfg {
+    struct lockin_cfg lockin;          /* decimation 8 .. 32: five task slots and the loop's three */
+    uint32_t loops_per_slow;           /* 1 .. 64 */
+    struct acquisition_cfg acquisition;
+    struct drive_loop_cfg drive;
+    uint32_t loop_delay_samples_q16; /* ADC delay + computation + DAC hold: the drive leads by this much; < 16 samples */
+    struct gyro_thermometer_cfg thermometer;
+    struct thermal_polynomial bias_rad_s_q31;
+    struct thermal_polynomial scale_rad_s_q28; /* rad/s per unit of secondary over primary amplitude, open loop */
+    struct thermal_polynomial decay_per_s_q22; /* z2 k2 */
+    struct decoupler_tuning tuning;
+    struct gyro_monitor_cfg monitor;
+    uint32_t compensation;           /* enum gyro_compensation */
+    uint32_t output_filter;          /* enum output_filter */
+    bool calibration_valid;
+};
+
+/* What the slow tick publishes; telemetry reads nothing else. */
+struct gyro_signals {
+    struct complex_q30 primary;        /* mean over the slow period, of ADC full scale */
+    struct complex_q30 secondary;      /* after the decoupler, if it is on */
+    uint64_t freq_u64;                 /* total frequency */
+    int32_t drive_level_q31;
+    int32_t amplitude_set_point_q30;
+    int32_t temperature_shift_q20;     /* degC from the calibration temperature */
+    int32_t bias_rad_s_q31;            /* polynomial at that temperature */
+    int32_t rate_rad_s_q28;            /* compensated as configured, filtered */
+    int32_t rate_uncompensated_rad_s_q28;
+    uint32_t status;
+};
+
+/* Sum of amplitudes over a slow period. Range: loops_per_slow <= 64 times 1.28 in Q30 < 2^37. */
+struct gyro_sum {
+    int64_t i_q30, q_q30;
+};
+
+/* A force at the carrier, in parts that go with the oscillator's cosine and sine. */
+struct gyro_force {
+    int32_t cosine_q31, sine_q31;
+};
+
+struct gyro_state {
+    struct oscillator_state oscillator;
+    struct lockin_state primary_lockin, secondary_lockin;
+    struct decoupler_coefs decoupler_coefs;
+    struct decoupler_state decoupler;
+    struct acquisition_state acquisition;
+    struct drive_loop_state drive;
+    struct rate_state rate;
+    struct output_filter_state filter, filter_uncompensated;
+    struct complex_q30 primary, secondary;        /* of the last loop tick */
+    struct polar primary_polar;                   /* the same, as magnitude and angle */
+    struct gyro_sum primary_sum, secondary_sum;   /* over the slow period */
+    struct phasor_q30 drive_lead;                 /* 90 degrees plus the loop delay at the present frequency */
+    struct gyro_force drive_force;
+    int32_t temperature_shift_q20;
+    int32_t bias_rad_s_q31, scale_rad_s_q28, decay_per_s_q22; /* polynomials at that temperature */
+    int32_t bias_step_q31;                        /* expected change of the bias per loop tick */
+    uint32_t loop_slot;                           /* samples since the last loop tick */
+    uint32_t slow_slot;                           /* loop ticks since the last slow tick */
+    uint32_t blank_ticks;                         /* loop ticks to wait after a jump of the oscillator */
+    uint32_t lock_ticks, silent_ticks;
+    uint32_t compensation;                        /* in force since the last slow tick */
+    bool overflow, adc_saturated, drive_saturated, calibrated_temperature_seen;
+    bool temperature_valid, retune_valid;
+    struct gyro_signals signals;
+};
+
+struct gyro_input {
+    int32_t primary_q31, secondary_q31; /* pickoffs, left-justified codes */
+    int32_t thermometer_raw;            /* latest code, or GYRO_THERMOMETER_INVALID; read once per slow tick */
+};
+
+struct gyro_output {
+    int32_t drive_q31, rebalance_q31;   /* forces, of DAC full scale */
+    bool slow_tick;                     /* `signals` has just been published */
+};
+
+/* From cold: acquisition begins with the next sample. */
+void gyro_reset(const struct gyro_cfg *cfg, struct gyro_state *state);
+
+/* One sample. Between two samples *cfg may be exchanged for another whole configuration. */
+struct gyro_output gyro_step(const struct gyro_cfg *cfg, struct gyro_state *state, const struct gyro_input *input);
+
+#endif
