@@ -1,0 +1,5 @@
+import sys
+
+from wineglass.cli import main
+
+sys.exit(main())

@@ -1,0 +1,1 @@
+"""One module per command; see wineglass.cli for what a module defines."""
