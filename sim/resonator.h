@@ -1,0 +1,92 @@
+/* The two modes of the resonator, in double precision: what they are at a temperature and a rate, and their exact motion under
+ * forces that are held over a sample.
+ *
+ *   x1'' + 2 z1 k1 x1' + (k1^2 - W^2) x1 + K12 x2 = q1 - g W x2' - (g/2) W' x2 + 2 z21 k2 x2'
+ *   x2'' + 2 z2 k2 x2' + (k2^2 - W^2) x2 + K12 x1 = q2 + g W x1' + (g/2) W' x1 + 2 z12 k1 x1'
+ *
+ * (paper eqs 1, 2, 12 with g = 2 and unit coefficients of W^2 and W'). x1 primary, x2 secondary displacement in units of ADC full scale.
+ * Sign convention: z12 > 0 pushes the secondary mode exactly as a positive rate does. */
+#ifndef SIM_RESONATOR_H
+#define SIM_RESONATOR_H
+
+#include <stdint.h>
+
+/* cdef begin */
+/* The device. Temperature shifts t are from reference_degc. */
+struct resonator_cfg {
+    double reference_degc;                    /* degC; 25; T0 of every polynomial below */
+    double frequency_hz;                      /* Hz; 5000; mean of the two modes at T0 */
+    double frequency_slope_ppm_per_degc;      /* ppm/degC; 0 */
+    double frequency_curvature_ppm_per_degc2; /* ppm/degC^2; 0 */
+    double quality_factor;                    /* 1; 1e4; Q = 1/(2 z) at T0 */
+    double quality_slope_per_degc;            /* 1/degC; 0; relative to Q at T0, below the knee */
+    double quality_knee_degc;                 /* degC; 1000; temperature (not shift) at which the slope changes */
+    double quality_slope_above_per_degc;      /* 1/degC; 0; relative to Q at T0, above the knee */
+    double decay_mismatch;                    /* 1; 0; difference of the two decay rates over their mean, along decay_axis_deg. Acts on
+                                                 z1 and z2 only: its cross part belongs to bias_rad_s, which is the total */
+    double decay_axis_deg;                    /* deg; 0; axis of the larger decay rate, mode space */
+    double split_hz;                          /* Hz; 0; frequency of the stiff axis minus that of the soft axis */
+    double split_slope_hz_per_degc;           /* Hz/degC; 0 */
+    double split_axis_deg;                    /* deg; 0; stiff axis, mode space: 0 = primary stiffer, 45 = pure cross stiffness */
+    double quadrature_rad_s;                  /* rad/s; 0; extra cross stiffness as the rate its force equals: K12 += g k quadrature */
+    double angular_gain;                      /* 1; 2; g */
+    double bias_rad_s[6];                     /* rad/s per degC^i; 0; total cross damping as rate: z12 = z21 = g bias(t) / (2 k) */
+    double drive_force_fs_s2;                 /* FS/s^2; none; acceleration of the primary mode per full scale of the drive DAC */
+    double rebalance_force_fs_s2;             /* FS/s^2; none; the same, secondary mode and rebalance DAC */
+};
+/* cdef end */
+
+/* The equations' coefficients over one block of samples. An effect changes these before they become matrices. */
+struct resonator_coefs {
+    double stiffness[2];       /* k1^2, k2^2; rad^2/s^2 */
+    double cross_stiffness;    /* K12; rad^2/s^2 */
+    double damping[2];         /* 2 z1 k1, 2 z2 k2; 1/s */
+    double cross_damping_12;   /* 2 z12 k1: force on mode 2 per x1'; 1/s */
+    double cross_damping_21;   /* 2 z21 k2: force on mode 1 per x2'; 1/s */
+    double angular_gain;       /* g */
+    double rate_rad_s;         /* W */
+    double rate_dot_rad_s2;    /* W' */
+    double force[2][2];        /* FS/s^2 per DAC full scale: [mode][channel], channel 0 drive, 1 rebalance */
+};
+
+/* x1, x1'/k, x2, x2'/k with one fixed velocity scale k, so that all four are amplitudes. */
+struct resonator_state {
+    double scaled[4];
+};
+
+/* One held interval: state' = transition state + input force, by columns. */
+struct resonator_map {
+    double transition[4][4]; /* [column][row] */
+    double input[2][4];      /* [channel][row] per DAC full scale */
+};
+
+/* What does not change during a run. */
+struct resonator_scale {
+    double velocity_scale_rad_s; /* k of the scaled coordinates */
+};
+
+void resonator_coefs_at(const struct resonator_cfg *cfg, double temperature_degc, double rate_rad_s, double rate_dot_rad_s2,
+                        struct resonator_coefs *coefs);
+
+/* Mean natural frequency at a temperature, before split and rate; rad/s. */
+double resonator_mean_rad_s(const struct resonator_cfg *cfg, double temperature_degc);
+
+/* Exact map over duration_s of held force; a negative duration runs backwards. */
+void resonator_map_over(const struct resonator_coefs *coefs, struct resonator_scale scale, double duration_s,
+                        struct resonator_map *map);
+
+static inline void resonator_step(const struct resonator_map *map, struct resonator_state *state, const double force[2])
+{
+    double next[4];
+    const double *x = state->scaled;
+    for (int row = 0; row < 4; row++) {
+        double pushed = map->input[0][row] * force[0] + map->input[1][row] * force[1];
+        next[row] = ((map->transition[0][row] * x[0] + pushed) + map->transition[1][row] * x[1])
+                    + (map->transition[2][row] * x[2] + map->transition[3][row] * x[3]);
+    }
+    for (int row = 0; row < 4; row++) {
+        state->scaled[row] = next[row];
+    }
+}
+
+#endif
