@@ -112,15 +112,16 @@ struct gyro_state {
     struct phasor_q30 drive_lead;                 /* 90 degrees plus the loop delay at the present frequency */
     struct gyro_force drive_force;
     int32_t temperature_shift_q20;
-    int32_t bias_rad_s_q31, scale_rad_s_q28, decay_per_s_q22; /* polynomials at that temperature */
+    int32_t bias_rad_s_q31, scale_rad_s_q28, decay_per_s_q22; /* at the last temperature */
+    int32_t bias_at_tick_q31;                     /* polynomial at the last slow tick; bias_rad_s_q31 moves on from it */
     int32_t bias_step_q31;                        /* expected change of the bias per loop tick */
     uint32_t loop_slot;                           /* samples since the last loop tick */
     uint32_t slow_slot;                           /* loop ticks since the last slow tick */
     uint32_t blank_ticks;                         /* loop ticks to wait after a jump of the oscillator */
     uint32_t lock_ticks, silent_ticks;
     uint32_t compensation;                        /* in force since the last slow tick */
-    bool overflow, adc_saturated, drive_saturated, calibrated_temperature_seen;
-    bool temperature_valid, retune_valid;
+    bool overflow, adc_saturated, drive_saturated; /* since the last slow tick */
+    bool temperature_seen, temperature_valid, retune_valid;
     struct gyro_signals signals;
 };
 
