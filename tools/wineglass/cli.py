@@ -23,6 +23,7 @@ from typing import NamedTuple, NoReturn
 from wineglass import __version__
 
 PROGRAM = "wineglass"
+COMMANDS_FOLDER = Path(__file__).parent / "commands"
 GLOBAL_FLAGS = {"-h": "help", "--help": "help", "-q": "quiet", "--quiet": "quiet", "--json": "json",
                 "--version": "version"}
 
@@ -78,8 +79,7 @@ def split(argv: list[str]) -> Request:
 
 def commands() -> dict[str, Path]:
     """Command name -> its module's file, in alphabetical order."""
-    folder = Path(__file__).parent / "commands"
-    modules = sorted(path for path in folder.glob("*.py") if not path.stem.startswith("_"))
+    modules = sorted(path for path in COMMANDS_FOLDER.glob("*.py") if not path.stem.startswith("_"))
     return {path.stem.rstrip("_").replace("_", "-"): path for path in modules}
 
 

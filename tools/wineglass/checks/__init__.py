@@ -1,0 +1,1 @@
+"""What `./wineglass test` checks: the list is in steps.py."""
