@@ -85,7 +85,7 @@ class Adc(Section):
     snr_db: float = quantity(90.0, "dB", "full-scale sine over the noise in half the sample rate; 0: no noise", ge=0, le=200)
     primary_offset_fs: float = quantity(0.0, "FS", "offset of the primary channel", ge=-0.1, le=0.1)
     secondary_offset_fs: float = quantity(0.0, "FS", "offset of the secondary channel", ge=-0.1, le=0.1)
-    delay_samples: float = quantity(0.0, "sample", "conversion delay of both channels", ge=0, le=2)
+    delay_samples: float = quantity(0.0, "sample", "conversion delay of both channels", ge=0, le=7)
 
     @property
     def noise_fs_rms(self) -> float:
@@ -122,7 +122,7 @@ class Electronics(Section):
 class Firmware(Section):
     """How the signal processor is set up for this device."""
 
-    decimation: int = quantity(10, "sample", "samples per loop tick", ge=2, le=64)
+    decimation: int = quantity(10, "sample", "samples per loop tick", ge=8, le=32)
     loops_per_slow: int = quantity(5, "loop tick", "loop ticks per slow tick (temperature, retuning, rate)", ge=1, le=64)
     amplitude_fs: float = quantity(0.9, "FS", "set-point of the primary amplitude", gt=0.05, le=0.98)
     pll_bandwidth_hz: float = quantity(40.0, "Hz", "bandwidth of the drive loop's phase", ge=1, le=200)
