@@ -9,7 +9,10 @@
 #ifndef SIM_RESONATOR_H
 #define SIM_RESONATOR_H
 
+#include <stdbool.h>
 #include <stdint.h>
+
+#include "sim/matrix4.h"
 
 /* cdef begin */
 /* The device. Temperature shifts t are from reference_degc. */
@@ -49,43 +52,57 @@ struct resonator_coefs {
     double force[2][2];        /* FS/s^2 per DAC full scale: [mode][channel], channel 0 drive, 1 rebalance */
 };
 
-/* x1, x1'/k, x2, x2'/k with one fixed velocity scale k, so that all four are amplitudes. */
+/* Per mode displacement and velocity over one fixed k, so that all four numbers are amplitudes. */
 struct resonator_state {
-    double scaled[4];
+    pair mode[2]; /* (x, x'/k), FS */
 };
 
-/* One held interval: state' = transition state + input force, by columns. */
+/* One held interval: state' = transition state + input force. */
 struct resonator_map {
-    double transition[4][4]; /* [column][row] */
-    double input[2][4];      /* [channel][row] per DAC full scale */
+    struct matrix4 transition;
+    pair input[2][2]; /* [channel][mode] per DAC full scale */
 };
 
-/* What does not change during a run. */
-struct resonator_scale {
-    double velocity_scale_rad_s; /* k of the scaled coordinates */
+/* A device with what follows from it once and for all. */
+struct resonator {
+    struct resonator_cfg cfg;
+    double velocity_scale_rad_s; /* k of the scaled coordinates: the nominal frequency */
+    double split_cosine, split_sine, decay_cosine; /* of twice the axis angles */
 };
 
-void resonator_coefs_at(const struct resonator_cfg *cfg, double temperature_degc, double rate_rad_s, double rate_dot_rad_s2,
+void resonator_init(const struct resonator_cfg *cfg, struct resonator *resonator);
+
+/* True when the device can exist at this temperature: positive finite stiffness, and damping that only takes energy. */
+bool resonator_is_passive(const struct resonator *resonator, double temperature_degc);
+
+void resonator_coefs_at(const struct resonator *resonator, double temperature_degc, double rate_rad_s, double rate_dot_rad_s2,
                         struct resonator_coefs *coefs);
 
-/* Mean natural frequency at a temperature, before split and rate; rad/s. */
-double resonator_mean_rad_s(const struct resonator_cfg *cfg, double temperature_degc);
-
 /* Exact map over duration_s of held force; a negative duration runs backwards. */
-void resonator_map_over(const struct resonator_coefs *coefs, struct resonator_scale scale, double duration_s,
+void resonator_map_over(const struct resonator_coefs *coefs, double velocity_scale_rad_s, double duration_s,
                         struct resonator_map *map);
 
-static inline void resonator_step(const struct resonator_map *map, struct resonator_state *state, const double force[2])
+/* Frequency at which x1 lags a force on mode 1 by exactly 90 degrees while mode 2 moves freely; rad/s. */
+double resonator_quadrature_rad_s(const struct resonator_coefs *coefs);
+
+/* What the held forces add over the interval. */
+static inline void resonator_push(const struct resonator_map *map, const double force[2], pair pushed[2])
 {
-    double next[4];
-    const double *x = state->scaled;
-    for (int row = 0; row < 4; row++) {
-        double pushed = map->input[0][row] * force[0] + map->input[1][row] * force[1];
-        next[row] = ((map->transition[0][row] * x[0] + pushed) + map->transition[1][row] * x[1])
-                    + (map->transition[2][row] * x[2] + map->transition[3][row] * x[3]);
+    for (int mode = 0; mode < 2; mode++) {
+        pushed[mode] = map->input[0][mode] * pair_of(force[0]) + map->input[1][mode] * pair_of(force[1]);
     }
-    for (int row = 0; row < 4; row++) {
-        state->scaled[row] = next[row];
+}
+
+static inline void resonator_step(const struct resonator_map *map, struct resonator_state *state, const pair pushed[2])
+{
+    pair x1 = pair_of(state->mode[0][0]);
+    pair v1 = pair_of(state->mode[0][1]);
+    pair x2 = pair_of(state->mode[1][0]);
+    pair v2 = pair_of(state->mode[1][1]);
+    const pair (*column)[2] = map->transition.column;
+    for (int mode = 0; mode < 2; mode++) {
+        state->mode[mode] = ((column[0][mode] * x1 + pushed[mode]) + column[1][mode] * v1)
+                            + (column[2][mode] * x2 + column[3][mode] * v2);
     }
 }
 

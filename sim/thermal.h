@@ -2,6 +2,7 @@
 #ifndef SIM_THERMAL_H
 #define SIM_THERMAL_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 /* cdef begin */
@@ -22,17 +23,16 @@ struct thermal_point {
     double chamber_degc, shell_degc, thermometer_degc;
 };
 
-/* Response of both lags over one fixed time to the state at its start and to a linear chamber temperature. */
+/* Response of both lags over a fixed time: deviations from the chamber that are kept, and those that a ramp of 1 degC/s adds. */
 struct thermal_map {
-    double shell_kept;                                      /* shell' = chamber' + ... */
-    double shell_ramp;
+    double duration_s;
+    double shell_kept, shell_ramp;
     double thermometer_kept, thermometer_shell, thermometer_ramp;
 };
 
 struct thermal_plan {
     struct thermal_map half, whole; /* over half a block and a whole one */
-    double half_s, whole_s;
-    uint32_t shell_imposed;
+    bool shell_follows, thermometer_follows; /* without any lag */
 };
 
 void thermal_init(const struct thermal_cfg *cfg, double block_s, struct thermal_plan *plan, struct thermal_point *now);

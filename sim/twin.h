@@ -13,6 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "hal/host/wg_export.h"
 #include "sim/electronics.h"
 #include "sim/resonator.h"
 #include "sim/thermal.h"
@@ -83,30 +84,30 @@ struct twin_truth {
 
 /* A new twin at rest, in thermal equilibrium, its device just powered up. NULL calibration block = the device's own default.
  * Returns NULL and sets *error (if not NULL) to an enum twin_error. */
-struct twin *twin_create(const struct twin_cfg *cfg, const uint8_t *calibration_block, size_t calibration_bytes, int32_t *error);
+WG_EXPORT struct twin *twin_create(const struct twin_cfg *cfg, const uint8_t *calibration_block, size_t calibration_bytes, int32_t *error);
 
-void twin_destroy(struct twin *twin);
+WG_EXPORT void twin_destroy(struct twin *twin);
 
 /* Runs profile->n_blocks blocks from where the last call ended. record may be NULL. Splitting a run into calls changes nothing.
  * 0, or a negative enum twin_error and nothing was run. */
-int32_t twin_run(struct twin *twin, const struct twin_profile *profile, const struct twin_record *record);
+WG_EXPORT int32_t twin_run(struct twin *twin, const struct twin_profile *profile, const struct twin_record *record);
 
 /* The device inside, for its telemetry and commands. Owned by the twin. */
-struct wg_device *twin_device(struct twin *twin);
+WG_EXPORT struct wg_device *twin_device(struct twin *twin);
 
-void twin_truth(const struct twin *twin, struct twin_truth *truth);
+WG_EXPORT void twin_truth(const struct twin *twin, struct twin_truth *truth);
 
 /* The plant alone: no converters, no firmware.
  * forces: shape (n_blocks block_samples, 2), drive and rebalance as fractions of DAC full scale, each held over the sample interval
  * that ends at that sample; NULL = none. state: x1, x1', x2, x2' in FS and FS/s, in and out. trajectory: shape
  * (n_blocks block_samples, 4), the same after every sample; NULL = not wanted. shell_degc, rate and rate_dot per block; NULL = T0, 0, 0.
  * 0 or a negative enum twin_error. */
-int32_t plant_run(const struct resonator_cfg *cfg, double sample_rate_hz, uint32_t block_samples, uint64_t n_blocks,
+WG_EXPORT int32_t plant_run(const struct resonator_cfg *cfg, double sample_rate_hz, uint32_t block_samples, uint64_t n_blocks,
                   const double *shell_degc, const double *rate_rad_s, const double *rate_dot_rad_s2, const double *forces,
                   double *state, double *trajectory);
 
 /* Standard Gaussian numbers of one of the twin's noise streams (0 ADC primary, 1 ADC secondary, 2 thermometer). */
-void noise_fill(uint64_t seed, uint32_t stream, uint64_t n, double *values);
+WG_EXPORT void noise_fill(uint64_t seed, uint32_t stream, uint64_t n, double *values);
 /* cdef end */
 
 #endif

@@ -1,0 +1,92 @@
+#include "sim/sampling.h"
+
+#include <math.h>
+#include <string.h>
+
+void sampling_plan_init(double period_s, double adc_delay_samples, double dac_latency_samples, struct sampling_plan *plan)
+{
+    plan->period_s = period_s;
+    plan->latency_samples = (uint32_t)floor(dac_latency_samples);
+    plan->latency_fraction = dac_latency_samples - floor(dac_latency_samples);
+    plan->delay_samples = (uint32_t)floor(adc_delay_samples);
+    plan->delay_fraction = adc_delay_samples - floor(adc_delay_samples);
+    plan->fractions = plan->latency_fraction != 0.0 || plan->delay_fraction != 0.0;
+}
+
+static void subtract(pair a[2][2], pair b[2][2], pair difference[2][2])
+{
+    for (int channel = 0; channel < 2; channel++) {
+        for (int mode = 0; mode < 2; mode++) {
+            difference[channel][mode] = a[channel][mode] - b[channel][mode];
+        }
+    }
+}
+
+/* The new force acts during the last (1 - fraction) of the interval, the old one before. */
+static void split_force(const struct sampling_plan *plan, const struct resonator_coefs *coefs, double velocity_scale_rad_s,
+                        struct sampling_map *map)
+{
+    struct resonator_map rest;
+    resonator_map_over(coefs, velocity_scale_rad_s, (1.0 - plan->latency_fraction) * plan->period_s, &rest);
+    memcpy(map->late, rest.input, sizeof map->late);
+    subtract(map->whole.input, rest.input, map->early);
+}
+
+/* Backwards by the delay; when that reaches beyond the switching instant, the part before it saw the old force. */
+static void look_back(const struct sampling_plan *plan, const struct resonator_coefs *coefs, double velocity_scale_rad_s,
+                      struct sampling_map *map)
+{
+    struct resonator_map back;
+    pair early[2][2] = {{{0.0, 0.0}}};
+    resonator_map_over(coefs, velocity_scale_rad_s, -plan->delay_fraction * plan->period_s, &back);
+    double beyond = plan->delay_fraction - (1.0 - plan->latency_fraction);
+    if (beyond > 0.0) {
+        struct resonator_map before;
+        resonator_map_over(coefs, velocity_scale_rad_s, -beyond * plan->period_s, &before);
+        memcpy(early, before.input, sizeof early);
+        subtract(back.input, before.input, back.input);
+    }
+    for (int mode = 0; mode < 2; mode++) {
+        struct sampling_view *view = &map->view[mode];
+        for (int from = 0; from < 2; from++) {
+            view->on_mode[from] = (pair){matrix4_get(&back.transition, 2 * mode, 2 * from),
+                                         matrix4_get(&back.transition, 2 * mode, 2 * from + 1)};
+        }
+        for (int channel = 0; channel < 2; channel++) {
+            view->late[channel] = back.input[channel][mode][0];
+            view->early[channel] = early[channel][mode][0];
+        }
+    }
+}
+
+void sampling_map_at(const struct sampling_plan *plan, const struct resonator_coefs *coefs, double velocity_scale_rad_s,
+                     struct sampling_map *map)
+{
+    resonator_map_over(coefs, velocity_scale_rad_s, plan->period_s, &map->whole);
+    if (plan->fractions) {
+        split_force(plan, coefs, velocity_scale_rad_s, map);
+        look_back(plan, coefs, velocity_scale_rad_s, map);
+    }
+}
+
+static double look(const struct sampling_view *view, const struct resonator_state *state, const double late[2], const double early[2])
+{
+    pair from_state = view->on_mode[0] * state->mode[0] + view->on_mode[1] * state->mode[1];
+    double from_force = (view->late[0] * late[0] + view->late[1] * late[1]) + (view->early[0] * early[0] + view->early[1] * early[1]);
+    return (from_state[0] + from_state[1]) + from_force;
+}
+
+void sampling_step_fractions(const struct sampling_plan *plan, const struct sampling_map *map, struct sampling_state *state,
+                             uint64_t sample, double seen[2])
+{
+    const double *late = sampling_past(state->force, sample, plan->latency_samples + 1);
+    const double *early = sampling_past(state->force, sample, plan->latency_samples + 2);
+    pair pushed[2];
+    for (int mode = 0; mode < 2; mode++) {
+        pushed[mode] = (map->late[0][mode] * pair_of(late[0]) + map->late[1][mode] * pair_of(late[1]))
+                       + (map->early[0][mode] * pair_of(early[0]) + map->early[1][mode] * pair_of(early[1]));
+    }
+    resonator_step(&map->whole, &state->resonator, pushed);
+    seen[0] = look(&map->view[0], &state->resonator, late, early);
+    seen[1] = look(&map->view[1], &state->resonator, late, early);
+}
