@@ -113,7 +113,7 @@ class Thermometer(Section):
 class Electronics(Section):
     """Converters, clock and thermometer."""
 
-    sample_rate_hz: float = quantity(50e3, "Hz", "ADC and DAC sample rate", ge=1e3, le=1e6)
+    sample_rate_hz: float = quantity(50e3, "Hz", "ADC and DAC sample rate", ge=33e3, le=1e6)
     adc: Adc = Field(default_factory=Adc)
     dac: Dac = Field(default_factory=Dac)
     thermometer: Thermometer = Field(default_factory=Thermometer)
