@@ -38,7 +38,7 @@ def run_logged(command: list[str], log: Path, variables: dict[str, str] | None =
         stream.flush()
         try:
             return subprocess.run(command, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT,
-                                  env=variables, cwd=cwd, check=False).returncode
+                                  env=variables, cwd=cwd, close_fds=False, check=False).returncode
         except OSError as error:
             stream.write(f"{error}\n".encode())
             return 127

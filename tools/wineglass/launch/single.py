@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +13,8 @@ from wineglass.launch.notice import Notice, SetupError
 
 @contextmanager
 def only_one(root: Path, notice: Notice) -> Iterator[None]:
-    """Holds the tree's set-up lock; the system releases it when the process ends in whatever way."""
+    """Holds the tree's set-up lock; the system releases it when the process ends in whatever way. Programs started
+    meanwhile inherit it: if this process is killed, the next one waits for what they are still doing."""
     path = root / "build" / "setup.lock"
     try:
         path.parent.mkdir(exist_ok=True)
@@ -20,6 +22,7 @@ def only_one(root: Path, notice: Notice) -> Iterator[None]:
     except OSError as error:
         raise SetupError(f"cannot write {path} ({error.strerror}); make the working tree writable", 2) from error
     with stream:
+        os.set_inheritable(stream.fileno(), True)
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
