@@ -32,12 +32,12 @@ static inline double round_to_even(double value)
     return (value + magic) - magic;
 }
 
-/* One conversion. *saturated counts the codes that were clamped. */
+/* One conversion. *saturated counts the codes that were clamped; what is not a number becomes the lowest code. */
 static inline int32_t adc_convert(const struct adc_channel *adc, double displacement_fs, double noise, uint64_t *saturated)
 {
     double wanted = displacement_fs * adc->codes_per_fs + (adc->offset_codes + noise * adc->noise_codes);
-    double code = wanted < adc->low_code ? adc->low_code : wanted;
-    code = code > adc->high_code ? adc->high_code : code;
+    double code = wanted > adc->low_code ? wanted : adc->low_code;
+    code = code < adc->high_code ? code : adc->high_code;
     *saturated += code != wanted;
     return (int32_t)(int64_t)round_to_even(code);
 }

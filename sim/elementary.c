@@ -5,14 +5,20 @@
 static const double ln2_high = 0x1.62e42fefa38p-1; /* ln 2 to 39 bits: whole multiples up to 2^13 are exact */
 static const double ln2_low = 0x1.ef35793c7673p-45;
 
+/* 1/k! */
+static const double exp_series[14] = {
+    1.0, 1.0, 1.0 / 2, 1.0 / 6, 1.0 / 24, 1.0 / 120, 1.0 / 720, 1.0 / 5040, 1.0 / 40320, 1.0 / 362880, 1.0 / 3628800,
+    1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800,
+};
+
 /* x = n ln 2 + r, |r| <= 0.35: Taylor series of order 13, remainder 0.35^14 / 14! = 5e-18. */
 double elementary_exp(double x)
 {
-    double n = floor(x / (ln2_high + ln2_low) + 0.5);
+    double n = floor(x * 1.4426950408889634 + 0.5);
     double r = (x - n * ln2_high) - n * ln2_low;
-    double sum = 1.0;
-    for (int order = 13; order >= 1; order--) {
-        sum = 1.0 + sum * r / order;
+    double sum = exp_series[13];
+    for (int order = 12; order >= 0; order--) {
+        sum = exp_series[order] + sum * r;
     }
     return ldexp(sum, (int)n);
 }

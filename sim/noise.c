@@ -22,6 +22,8 @@ void noise_table_init(struct noise_table *table)
     for (int i = 0; i < NOISE_LAYERS; i++) {
         table->layer[i].width = outer * 0x1p-52;
         table->layer[i].inner = inner;
+        table->density[i] = density(outer);
+        table->density[i + 1] = density(inner);
         outer = inner;
         double height = layer_area / outer + density(outer);
         inner = i < NOISE_LAYERS - 2 ? sqrt(-2.0 * elementary_log(height)) : 0.0;
@@ -59,8 +61,8 @@ static double tail(struct noise_state *state)
 /* The candidate lies in the corner of its layer that the curve cuts. */
 static bool below_curve(const struct noise_table *table, struct noise_state *state, size_t layer, double x)
 {
-    double low = density(table->layer[layer].width * 0x1p52);
-    double high = density(table->layer[layer].inner);
+    double low = table->density[layer];
+    double high = table->density[layer + 1];
     return low + noise_uniform(state) * (high - low) < density(x);
 }
 

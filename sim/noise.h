@@ -18,6 +18,7 @@ struct noise_table {
         double width; /* x of a candidate per unit of its 53-bit integer */
         double inner; /* below this |x| the candidate lies under the curve */
     } layer[NOISE_LAYERS];
+    double density[NOISE_LAYERS + 1]; /* exp(-x^2/2) at the outer edge of layer i, which is the inner edge of layer i - 1 */
 };
 
 void noise_table_init(struct noise_table *table);

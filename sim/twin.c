@@ -1,0 +1,217 @@
+#include "sim/twin.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "sim/twin_internal.h"
+
+/* ---- creation ---------------------------------------------------------------------------------------------------------- */
+
+static void read_thermometer(struct twin *twin)
+{
+    double noise_degc = 0.0;
+    if (twin->cfg.thermal.thermometer_noise_degc > 0.0) {
+        noise_gaussian(&twin->noise_table, &twin->stream[TWIN_STREAM_THERMOMETER], 1, &noise_degc);
+        noise_degc *= twin->cfg.thermal.thermometer_noise_degc;
+    }
+    twin->thermometer_code = thermometer_code(&twin->cfg.thermal, twin->temperature.thermometer_degc + noise_degc);
+    wg_device_set_thermometer(twin->device, twin->thermometer_code);
+}
+
+/* Parameters of the block's middle; the maps only when one of them changed. */
+static void set_parameters(struct twin *twin, double shell_degc, double rate_rad_s, double rate_dot_rad_s2)
+{
+    struct resonator_coefs coefs;
+    resonator_coefs_at(&twin->resonator, shell_degc, rate_rad_s, rate_dot_rad_s2, &coefs);
+    if (memcmp(&coefs, &twin->coefs, sizeof coefs) != 0) {
+        twin->coefs = coefs;
+        sampling_map_at(&twin->sampling_plan, &coefs, twin->resonator.velocity_scale_rad_s, &twin->map);
+    }
+}
+
+static void init_parts(struct twin *twin)
+{
+    const struct twin_cfg *cfg = &twin->cfg;
+    double period_s = 1.0 / cfg->sample_rate_hz;
+    resonator_init(&cfg->resonator, &twin->resonator);
+    thermal_init(&cfg->thermal, period_s * cfg->block_samples, &twin->thermal_plan, &twin->temperature);
+    sampling_plan_init(period_s, cfg->electronics.adc_delay_samples, cfg->electronics.dac_latency_samples, &twin->sampling_plan);
+    noise_table_init(&twin->noise_table);
+    dac_init(&cfg->electronics, &twin->dac);
+    for (int channel = 0; channel < 2; channel++) {
+        adc_init(&cfg->electronics, channel, &twin->adc[channel]);
+    }
+    for (uint32_t stream = 0; stream < TWIN_STREAM_COUNT; stream++) {
+        noise_init(&twin->stream[stream], cfg->seed, stream);
+    }
+    set_parameters(twin, twin->temperature.shell_degc, 0.0, 0.0);
+}
+
+static struct wg_device *create_device(const struct twin_cfg *cfg, const uint8_t *block, size_t size)
+{
+    struct wg_device_cfg device = {
+        .sample_rate_millihz = (uint32_t)(cfg->sample_rate_hz * 1000.0 + 0.5),
+        .adc_bits = cfg->electronics.adc_bits,
+        .dac_bits = cfg->electronics.dac_bits,
+        .serial = cfg->serial,
+    };
+    return wg_device_create(&device, block, size);
+}
+
+/* Everything that can fail. */
+static int32_t acquire_parts(struct twin *twin, const uint8_t *block, size_t size)
+{
+    for (int channel = 0; channel < 2; channel++) {
+        twin->noise[channel] = calloc(twin->cfg.block_samples, sizeof(double));
+        if (!twin->noise[channel]) {
+            return TWIN_ERROR_MEMORY;
+        }
+    }
+    twin->device = create_device(&twin->cfg, block, size);
+    return twin->device ? TWIN_OK : TWIN_ERROR_DEVICE;
+}
+
+static int32_t create(const struct twin_cfg *cfg, const uint8_t *block, size_t size, struct twin **result)
+{
+    int32_t error = twin_check_cfg(cfg);
+    if (error != TWIN_OK) {
+        return error;
+    }
+    struct twin *twin = calloc(1, sizeof *twin);
+    if (!twin) {
+        return TWIN_ERROR_MEMORY;
+    }
+    twin->cfg = *cfg;
+    init_parts(twin);
+    error = acquire_parts(twin, block, size);
+    if (error != TWIN_OK) {
+        twin_destroy(twin);
+        return error;
+    }
+    read_thermometer(twin);
+    *result = twin;
+    return TWIN_OK;
+}
+
+struct twin *twin_create(const struct twin_cfg *cfg, const uint8_t *calibration_block, size_t calibration_bytes, int32_t *error)
+{
+    struct twin *twin = NULL;
+    int32_t result = create(cfg, calibration_block, calibration_bytes, &twin);
+    if (error) {
+        *error = result;
+    }
+    return twin;
+}
+
+void twin_destroy(struct twin *twin)
+{
+    if (!twin) {
+        return;
+    }
+    if (twin->device) {
+        wg_device_destroy(twin->device);
+    }
+    free(twin->noise[0]);
+    free(twin->noise[1]);
+    free(twin);
+}
+
+struct wg_device *twin_device(struct twin *twin)
+{
+    return twin->device;
+}
+
+/* ---- one block --------------------------------------------------------------------------------------------------------- */
+
+static void draw_noise(struct twin *twin)
+{
+    for (int channel = 0; channel < 2; channel++) {
+        if (twin->adc[channel].noise_codes > 0.0) {
+            noise_gaussian(&twin->noise_table, &twin->stream[TWIN_STREAM_ADC_PRIMARY + channel], twin->cfg.block_samples,
+                           twin->noise[channel]);
+        }
+    }
+}
+
+/* Samples first .. end - 1 of the present block. codes: 4 per sample of the block, or NULL. */
+static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
+{
+    struct wg_device *device = twin->device;
+    uint64_t before = twin->sample;
+    for (uint32_t i = first; i < end; i++) {
+        uint64_t sample = before + 1 + (i - first);
+        double seen[2];
+        int32_t adc[2], dac[2];
+        sampling_step(&twin->sampling_plan, &twin->map, &twin->sampling, sample, seen);
+        adc[0] = adc_convert(&twin->adc[0], seen[0], twin->noise[0][i], &twin->adc_saturations);
+        adc[1] = adc_convert(&twin->adc[1], seen[1], twin->noise[1][i], &twin->adc_saturations);
+        wg_device_sample(device, adc, dac);
+        sampling_push_force(&twin->sampling, sample, dac_convert(&twin->dac, dac[0], &twin->dac_saturations),
+                            dac_convert(&twin->dac, dac[1], &twin->dac_saturations));
+        if (codes) {
+            memcpy(codes + 4 * i, adc, sizeof adc);
+            memcpy(codes + 4 * i + 2, dac, sizeof dac);
+        }
+    }
+    twin->sample = before + (end - first);
+}
+
+static void run_block(struct twin *twin, double rate_rad_s, double rate_dot_rad_s2, double chamber_end_degc, int32_t *codes)
+{
+    struct thermal_point middle;
+    uint32_t last = twin->cfg.block_samples - 1;
+    thermal_step(&twin->thermal_plan, &twin->temperature, chamber_end_degc, &middle);
+    set_parameters(twin, middle.shell_degc, rate_rad_s, rate_dot_rad_s2);
+    draw_noise(twin);
+    run_samples(twin, 0, last, codes);
+    read_thermometer(twin);
+    run_samples(twin, last, last + 1, codes);
+}
+
+/* ---- a run ------------------------------------------------------------------------------------------------------------- */
+
+static double value_or(const double *values, uint64_t i, double otherwise)
+{
+    return values ? values[i] : otherwise;
+}
+
+static void put(double *values, uint64_t i, double value)
+{
+    if (values) {
+        values[i] = value;
+    }
+}
+
+static void put_phasor(const struct twin *twin, int mode, double *in_phase, double *quadrature, uint64_t i)
+{
+    if (in_phase || quadrature) {
+        struct twin_phasor phasor = twin_phasor(twin, mode);
+        put(in_phase, i, phasor.i);
+        put(quadrature, i, phasor.q);
+    }
+}
+
+static void write_record(const struct twin *twin, const struct twin_record *record, uint64_t i)
+{
+    put(record->shell_degc, i, twin->temperature.shell_degc);
+    put(record->thermometer_degc, i, thermometer_degc(&twin->cfg.thermal, twin->thermometer_code));
+    put_phasor(twin, 0, record->primary_i, record->primary_q, i);
+    put_phasor(twin, 1, record->secondary_i, record->secondary_q, i);
+}
+
+int32_t twin_run(struct twin *twin, const struct twin_profile *profile, const struct twin_record *record)
+{
+    static const struct twin_record nothing = {0};
+    const struct twin_record *wanted = record ? record : &nothing;
+    int32_t error = twin_check_profile(twin, profile);
+    if (error != TWIN_OK) {
+        return error;
+    }
+    for (uint64_t i = 0; i < profile->n_blocks; i++) {
+        int32_t *codes = wanted->codes ? wanted->codes + 4 * i * twin->cfg.block_samples : NULL;
+        run_block(twin, value_or(profile->rate_rad_s, i, 0.0), value_or(profile->rate_dot_rad_s2, i, 0.0),
+                  value_or(profile->chamber_degc, i, twin->temperature.chamber_degc), codes);
+        write_record(twin, wanted, i);
+    }
+    return TWIN_OK;
+}

@@ -1,0 +1,53 @@
+/* The twin's own state, shared by the files that run, check and describe it. */
+#ifndef SIM_TWIN_INTERNAL_H
+#define SIM_TWIN_INTERNAL_H
+
+#include "hal/host/wineglass_device.h"
+#include "sim/noise.h"
+#include "sim/sampling.h"
+#include "sim/twin.h"
+
+enum twin_stream { TWIN_STREAM_ADC_PRIMARY, TWIN_STREAM_ADC_SECONDARY, TWIN_STREAM_THERMOMETER, TWIN_STREAM_COUNT };
+
+struct twin {
+    struct twin_cfg cfg;
+    struct wg_device *device;
+
+    /* Set once. */
+    struct resonator resonator;
+    struct thermal_plan thermal_plan;
+    struct sampling_plan sampling_plan;
+    struct adc_channel adc[2];
+    struct dac_channel dac;
+    struct noise_table noise_table;
+
+    /* Of the present block. */
+    struct resonator_coefs coefs;
+    struct sampling_map map;
+    double *noise[2]; /* block_samples Gaussian numbers per ADC channel */
+
+    /* What changes with time. */
+    struct thermal_point temperature;
+    struct sampling_state sampling;
+    struct noise_state stream[TWIN_STREAM_COUNT];
+    int32_t thermometer_code;
+    uint64_t sample;
+    uint64_t adc_saturations, dac_saturations;
+};
+
+/* TWIN_OK or what is wrong. */
+int32_t twin_check_cfg(const struct twin_cfg *cfg);
+int32_t twin_check_profile(const struct twin *twin, const struct twin_profile *profile);
+
+/* Phase of the device's oscillator at the last sample, in turns. */
+double twin_oscillator_turns(const struct twin *twin);
+double twin_oscillator_hz(const struct twin *twin);
+
+struct twin_phasor {
+    double i, q;
+};
+
+/* Complex amplitude of one mode at the last sample: x = Re((i + j q) exp(j phase)). */
+struct twin_phasor twin_phasor(const struct twin *twin, int mode);
+
+#endif
