@@ -86,8 +86,10 @@ WG_EXPORT size_t wg_device_snapshot_size(void);
 WG_EXPORT int64_t wg_device_snapshot(const struct wg_device *device, uint8_t *bytes, size_t capacity);
 WG_EXPORT int32_t wg_device_restore(struct wg_device *device, const uint8_t *bytes, size_t size);
 
-/* Switch off and on: everything but the store is lost. Unread telemetry stays readable. */
-WG_EXPORT void wg_device_power_cycle(struct wg_device *device);
+/* Switch off and on: everything but the store is lost. Unread telemetry stays readable. Returns 0, or -1 when the device finds nothing
+ * to start from (no sound calibration, and the compiled-in one is for another sampling rate): its forces then stay 0 until a later
+ * power cycle succeeds, and only wg_device_run, _telemetry_*, _store_*, _power_cycle and _destroy may be called. */
+WG_EXPORT int32_t wg_device_power_cycle(struct wg_device *device);
 
 /* The two flash sectors, one after the other. Reading returns the bytes copied (at most capacity); writing replaces the leading
  * `size` bytes, as a programmer or an accident would, and returns 0 or -1 (too long). */

@@ -1,0 +1,267 @@
+#include "application/commands.h"
+
+#include "application/crc32.h"
+#include "application/limits.h"
+#include "application/reports.h"
+#include "application/store.h"
+
+#define ANY_LENGTH 0xFFFF
+
+typedef enum reason (*command_handler)(struct application *app, struct byte_reader *payload);
+
+uint32_t command_unlock_key(uint64_t unique_id)
+{
+    uint8_t bytes[8];
+    struct byte_writer writer = {bytes};
+    put_u64(&writer, unique_id);
+    return crc32_update(0, bytes, sizeof bytes);
+}
+
+static bool within(int64_t value, int64_t low, int64_t high)
+{
+    return value >= low && value <= high;
+}
+
+/* ---- queries ----------------------------------------------------------------------------------------------------------- */
+
+static enum reason ping(struct application *app, struct byte_reader *payload)
+{
+    (void)payload;
+    report_identity(app);
+    return REASON_OK;
+}
+
+static enum reason status(struct application *app, struct byte_reader *payload)
+{
+    (void)payload;
+    report_status(app);
+    return REASON_OK;
+}
+
+/* ---- signal processing ------------------------------------------------------------------------------------------------- */
+
+/* What every command that changes the signal processing begins with. */
+static enum reason configuration_is_free(struct application *app, bool in_range)
+{
+    if (!in_range) {
+        return REASON_OUT_OF_RANGE;
+    }
+    if (!burst_idle(&app->burst)) {
+        return REASON_BUSY;
+    }
+    app->cfg_changed = true;
+    return REASON_OK;
+}
+
+static enum reason set_compensation(struct application *app, struct byte_reader *payload)
+{
+    uint32_t compensation = get_u32(payload);
+    enum reason reason = configuration_is_free(app, compensation < GYRO_COMPENSATION_COUNT);
+    if (reason == REASON_OK) {
+        app->calibration.gyro.compensation = compensation;
+    }
+    return reason;
+}
+
+/* The limit of the amplitude error stays the same part of the set-point. Range: 2^30 2^30 fits; the result is at most 49 times the
+ * calibrated limit (amplitude limits), bounded to 2^29. */
+static int32_t scaled_amplitude_limit_q30(const struct application *app, int32_t amplitude_q30)
+{
+    int64_t limit = (int64_t)app->calibrated_amplitude_limit_q30 * amplitude_q30 / app->calibrated_amplitude_q30;
+    limit = limit < 1 ? 1 : limit;
+    return limit > INT32_C(1) << 29 ? INT32_C(1) << 29 : (int32_t)limit;
+}
+
+static enum reason set_amplitude(struct application *app, struct byte_reader *payload)
+{
+    int32_t amplitude_q30 = get_i32(payload);
+    enum reason reason = configuration_is_free(app, within(amplitude_q30, AMPLITUDE_MIN_Q30, AMPLITUDE_MAX_Q30));
+    if (reason == REASON_OK) {
+        app->calibration.gyro.drive.amplitude_q30 = amplitude_q30;
+        app->calibration.gyro.monitor.amplitude_limit_q30 = scaled_amplitude_limit_q30(app, amplitude_q30);
+    }
+    return reason;
+}
+
+static enum reason set_pll_gains(struct application *app, struct byte_reader *payload)
+{
+    uint32_t proportional_q32 = get_u32(payload);
+    uint32_t integral_q32 = get_u32(payload);
+    bool in_range = within(proportional_q32, 1, PLL_PROPORTIONAL_MAX_Q32) && within(integral_q32, 0, PLL_INTEGRAL_MAX_Q32);
+    enum reason reason = configuration_is_free(app, in_range);
+    if (reason == REASON_OK) {
+        app->calibration.gyro.drive.pll_proportional_q32 = proportional_q32;
+        app->calibration.gyro.drive.pll_integral_q32 = integral_q32;
+    }
+    return reason;
+}
+
+static enum reason set_agc_gains(struct application *app, struct byte_reader *payload)
+{
+    int32_t proportional_q16 = get_i32(payload);
+    int32_t integral_q24 = get_i32(payload);
+    bool in_range = within(proportional_q16, 1, AGC_PROPORTIONAL_MAX_Q16) && within(integral_q24, 0, AGC_INTEGRAL_MAX_Q24);
+    enum reason reason = configuration_is_free(app, in_range);
+    if (reason == REASON_OK) {
+        app->calibration.gyro.drive.agc_proportional_q16 = proportional_q16;
+        app->calibration.gyro.drive.agc_integral_q24 = integral_q24;
+    }
+    return reason;
+}
+
+static enum reason set_output_filter(struct application *app, struct byte_reader *payload)
+{
+    uint32_t choice = get_u32(payload);
+    enum reason reason = configuration_is_free(app, choice < OUTPUT_FILTER_COUNT);
+    if (reason == REASON_OK) {
+        app->calibration.gyro.output_filter = choice;
+    }
+    return reason;
+}
+
+static enum reason restart(struct application *app, struct byte_reader *payload)
+{
+    (void)payload;
+    enum reason reason = configuration_is_free(app, true);
+    if (reason == REASON_OK) {
+        app->restart_wanted = REQUEST_RESTART;
+    }
+    return reason;
+}
+
+/* ---- telemetry --------------------------------------------------------------------------------------------------------- */
+
+static enum reason set_divisors(struct application *app, struct byte_reader *payload)
+{
+    uint16_t baseband = get_u16(payload);
+    uint16_t output = get_u16(payload);
+    telemetry_set_divisors(&app->telemetry, baseband, output);
+    return REASON_OK;
+}
+
+static enum reason raw_burst(struct application *app, struct byte_reader *payload)
+{
+    uint32_t samples = get_u32(payload);
+    if (!within(samples, 1, BURST_MAX_SAMPLES)) {
+        return REASON_OUT_OF_RANGE;
+    }
+    return burst_ask(&app->burst, samples) ? REASON_OK : REASON_BUSY;
+}
+
+/* ---- calibration ------------------------------------------------------------------------------------------------------- */
+
+static enum reason calibration_unlock(struct application *app, struct byte_reader *payload)
+{
+    app->calibration_unlocked = get_u32(payload) == command_unlock_key(app->hal->properties->unique_id);
+    return app->calibration_unlocked ? REASON_OK : REASON_WRONG_KEY;
+}
+
+static enum reason calibration_write(struct application *app, struct byte_reader *payload)
+{
+    if (!app->calibration_unlocked) {
+        return REASON_LOCKED;
+    }
+    if (payload->left < 3) {
+        return REASON_LENGTH;
+    }
+    size_t offset = get_u16(payload);
+    if (offset + payload->left > CALIBRATION_BYTES) {
+        return REASON_OUT_OF_RANGE;
+    }
+    struct byte_writer writer = {&app->staged_block[offset]};
+    put_bytes(&writer, payload->next, payload->left);
+    return REASON_OK;
+}
+
+static void activate(struct application *app, const struct calibration *calibration)
+{
+    app->calibration = *calibration;
+    app->calibration_source = CALIBRATION_STORED;
+    app->calibration_unlocked = false;
+    app->cfg_changed = true;
+    app->restart_wanted = REQUEST_RESTART;
+    application_note_calibrated(app);
+}
+
+static enum reason calibration_commit(struct application *app, struct byte_reader *payload)
+{
+    struct calibration calibration;
+    uint32_t size = get_u32(payload);
+    if (!app->calibration_unlocked) {
+        return REASON_LOCKED;
+    }
+    if (!burst_idle(&app->burst)) {
+        return REASON_BUSY;
+    }
+    if (size != CALIBRATION_BYTES) {
+        return REASON_CALIBRATION_SIZE;
+    }
+    enum reason reason = calibration_parse(app->staged_block, size, app->hal->properties, &calibration);
+    if (reason != REASON_OK) {
+        return reason;
+    }
+    if (store_write(app->hal, app->staged_block, size) != HAL_OK) {
+        app->counters.store_errors++;
+        return REASON_STORE_FAILED;
+    }
+    activate(app, &calibration);
+    report_identity(app);
+    return REASON_OK;
+}
+
+static enum reason calibration_read(struct application *app, struct byte_reader *payload)
+{
+    (void)payload;
+    return report_calibration(app);
+}
+
+/* ---- dispatch ---------------------------------------------------------------------------------------------------------- */
+
+struct command {
+    uint8_t type;
+    uint16_t payload_bytes;
+    command_handler handler;
+};
+
+static const struct command commands[] = {
+    {COMMAND_PING, 0, ping},
+    {COMMAND_STATUS, 0, status},
+    {COMMAND_COMPENSATION, 4, set_compensation},
+    {COMMAND_AMPLITUDE, 4, set_amplitude},
+    {COMMAND_PLL_GAINS, 8, set_pll_gains},
+    {COMMAND_AGC_GAINS, 8, set_agc_gains},
+    {COMMAND_OUTPUT_FILTER, 4, set_output_filter},
+    {COMMAND_DIVISORS, 4, set_divisors},
+    {COMMAND_RAW_BURST, 4, raw_burst},
+    {COMMAND_RESTART, 0, restart},
+    {COMMAND_CALIBRATION_UNLOCK, 4, calibration_unlock},
+    {COMMAND_CALIBRATION_WRITE, ANY_LENGTH, calibration_write},
+    {COMMAND_CALIBRATION_COMMIT, 4, calibration_commit},
+    {COMMAND_CALIBRATION_READ, 0, calibration_read},
+};
+
+static enum reason run(struct application *app, const struct frame_view *frame)
+{
+    struct byte_reader payload = {frame->payload, frame->payload_bytes, false};
+    if (frame->header.version != FRAME_VERSION) {
+        return REASON_FRAME_VERSION;
+    }
+    for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
+        if (commands[i].type == frame->header.type) {
+            bool length_right = commands[i].payload_bytes == ANY_LENGTH || commands[i].payload_bytes == payload.left;
+            return length_right ? commands[i].handler(app, &payload) : REASON_LENGTH;
+        }
+    }
+    return REASON_UNKNOWN_COMMAND;
+}
+
+void command_execute(struct application *app, const struct frame_view *frame)
+{
+    enum reason reason = run(app, frame);
+    if (reason == REASON_OK) {
+        app->counters.commands_accepted++;
+    } else {
+        app->counters.commands_refused++;
+    }
+    report_ack(app, &frame->header, reason);
+}

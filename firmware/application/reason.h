@@ -1,0 +1,28 @@
+/* Why a command or a calibration block was refused. The numbers are part of the protocol: never renumber, only append. */
+#ifndef WINEGLASS_APPLICATION_REASON_H
+#define WINEGLASS_APPLICATION_REASON_H
+
+enum reason {
+    REASON_OK = 0,
+    REASON_UNKNOWN_COMMAND = 1,
+    REASON_FRAME_VERSION = 2,
+    REASON_LENGTH = 3,
+    REASON_OUT_OF_RANGE = 4,
+    REASON_LOCKED = 5,               /* calibration is locked */
+    REASON_WRONG_KEY = 6,
+    REASON_BUSY = 7,                 /* a raw burst is being recorded */
+    REASON_NOTHING_STORED = 8,       /* no calibration block to read */
+    REASON_STORE_FAILED = 9,
+    REASON_CALIBRATION_SIZE = 16,
+    REASON_CALIBRATION_MAGIC = 17,
+    REASON_CALIBRATION_VERSION = 18,
+    REASON_CALIBRATION_CRC = 19,
+    REASON_CALIBRATION_RANGE = 20,   /* a field is outside its range */
+    REASON_CALIBRATION_CONFLICT = 21,/* fields contradict each other */
+    REASON_CALIBRATION_BOARD = 22    /* made for another sampling rate */
+};
+
+/* A few words for people; never NULL. */
+const char *reason_text(enum reason reason);
+
+#endif
