@@ -24,6 +24,8 @@ endif()
 add_library(wineglass_warnings INTERFACE)
 target_compile_options(wineglass_warnings INTERFACE
   -Wall -Wextra -Wconversion -Wsign-conversion -Wshadow -Wstrict-prototypes
+  # Errors even where warnings are not (the release library, built by compilers that nobody here has tried).
+  -Werror=implicit-function-declaration -Werror=incompatible-pointer-types -Werror=int-conversion
   $<$<BOOL:${WINEGLASS_WERROR}>:-Werror>)
 
 add_library(wineglass_sanitizers INTERFACE)

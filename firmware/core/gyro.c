@@ -352,7 +352,8 @@ struct gyro_output gyro_step(const struct gyro_cfg *cfg, struct gyro_state *stat
 {
     struct phasor_q30 reference = oscillator_phasor(oscillator_step(&state->oscillator));
     int32_t secondary_q31 = input->secondary_q31;
-    state->adc_saturated |= beyond(input->primary_q31, cfg->monitor.adc_limit_q31) | beyond(secondary_q31, cfg->monitor.adc_limit_q31);
+    state->adc_saturated |= beyond(input->primary_q31, cfg->monitor.adc_limit_q31) ||
+                            beyond(secondary_q31, cfg->monitor.adc_limit_q31);
     if (state->compensation == GYRO_COMPENSATION_G2) {
         int32_t leaked_q31 = decoupler_step(&state->decoupler_coefs, &state->decoupler, input->primary_q31, &state->overflow);
         secondary_q31 = fixed_saturate_i32((int64_t)secondary_q31 - leaked_q31, &state->overflow);

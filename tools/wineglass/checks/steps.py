@@ -42,7 +42,7 @@ def _pytest(name: str, what: str, folder: str, *options: str, first: tuple[tuple
     return Step(name, what, (*first, command), needs=folder)
 
 
-TWIN_LIBRARY = (PYTHON, "-P", "-m", "wineglass.launch.build")
+TWIN_LIBRARY = (PYTHON, "-P", "-m", "wineglass.checks.twin_library")
 
 
 STEPS: tuple[Step, ...] = (

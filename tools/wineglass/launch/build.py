@@ -6,11 +6,9 @@ import hashlib
 import os
 import re
 import shutil
-import sys
 from pathlib import Path
 
-from wineglass.launch.notice import Notice, SetupError, must_run
-from wineglass.launch.single import only_one
+from wineglass.launch.notice import Notice, must_run
 
 PRESET = "release"
 INPUTS = ("CMakeLists.txt", "CMakePresets.json", "cmake", "firmware", "hal", "sim")
@@ -72,21 +70,3 @@ def _input_files(root: Path) -> list[Path]:
         path = root / name
         files += [path] if path.is_file() else [item for item in path.rglob("*") if item.is_file()]
     return sorted(files)
-
-
-def main() -> int:
-    """python -m wineglass.launch.build: what the launcher does before a command that uses the library."""
-    root = Path(__file__).resolve().parents[3]
-    notice = Notice()
-    try:
-        with only_one(root, notice):
-            if not is_fresh(root):
-                make(root, notice)
-    except SetupError as error:
-        print(f"wineglass: error: {error}", file=sys.stderr)
-        return error.exit_status
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -20,7 +20,8 @@ def require(root: Path, notice: Notice) -> None:
     if not packages:
         return
     if not may_install():
-        raise SetupError(f"system packages are missing; run this line, then repeat the command: {install_line(packages)}", 2)
+        raise SetupError(f"system packages are missing; run this line, then repeat the command: {install_line(packages)}"
+                         + ("  (python3 must be at least 3.11)" if "python3" in packages else ""), 2)
     notice.say(f"installing system packages: {' '.join(packages)}")
     log = root / "build" / "setup-packages.log"
     if not install(packages, log):
