@@ -41,4 +41,10 @@ static inline void wg_device_sample(struct wg_device *device, const int32_t adc[
     }
 }
 
+/* Phase of the oscillator at the last sample, 2^64 = one turn. */
+static inline uint64_t wg_device_phase_u64(const struct wg_device *device)
+{
+    return device->app.gyro.oscillator.phase_u64;
+}
+
 #endif
