@@ -28,6 +28,21 @@ static int64_t two_cosine_q40(const struct decoupler_tuning *tuning, int64_t off
     return tuning->center_2cos_q40 + 2 * change_q40;
 }
 
+static bool within_tuning(int64_t offset_u64)
+{
+    return offset_u64 <= OFFSET_LIMIT && offset_u64 >= -OFFSET_LIMIT;
+}
+
+bool decoupler_two_cosine(const struct decoupler_tuning *tuning, uint64_t freq_u64, int32_t *two_cos_q30)
+{
+    int64_t offset_u64 = (int64_t)(freq_u64 - tuning->center_freq_u64);
+    if (!within_tuning(offset_u64)) {
+        return false;
+    }
+    *two_cos_q30 = (int32_t)(two_cosine_q40(tuning, offset_u64) >> 10);
+    return true;
+}
+
 /* d = decay rate x sample period. Range: 2^31 2^31 >> 28 fits; refused by the caller above 2^33. */
 static int64_t decay_per_sample_q40(const struct decoupler_tuning *tuning, int32_t decay_per_s_q22)
 {
@@ -56,7 +71,7 @@ bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, 
 {
     int64_t offset_u64 = (int64_t)(freq_u64 - tuning->center_freq_u64);
     int64_t d_q40 = decay_per_sample_q40(tuning, decay_per_s_q22);
-    if (offset_u64 > OFFSET_LIMIT || offset_u64 < -OFFSET_LIMIT || d_q40 <= 0 || d_q40 >= DECAY_LIMIT_Q40) {
+    if (!within_tuning(offset_u64) || d_q40 <= 0 || d_q40 >= DECAY_LIMIT_Q40) {
         return false;
     }
     int64_t d_q36 = d_q40 >> 4;

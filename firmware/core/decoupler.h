@@ -46,6 +46,9 @@ void decoupler_reset(struct decoupler_state *state);
 bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, int32_t decay_per_s_q22,
                       int32_t bias_rad_s_q31, struct decoupler_coefs *coefs);
 
+/* 2 cos of the angle per sample, Q30; false, leaving *two_cos_q30 alone, when the frequency is outside the tuning's validity. */
+bool decoupler_two_cosine(const struct decoupler_tuning *tuning, uint64_t freq_u64, int32_t *two_cos_q30);
+
 /* Only the input gain, for updates between two retunings. */
 int32_t decoupler_gain_q48(const struct decoupler_tuning *tuning, int32_t decay_per_s_q22, int32_t bias_rad_s_q31);
 

@@ -54,6 +54,6 @@ static void step_amplitude(const struct drive_loop_cfg *cfg, struct drive_loop_s
 
 void drive_loop_step(const struct drive_loop_cfg *cfg, struct drive_loop_state *state, struct polar primary)
 {
-    step_phase(cfg, state, primary.angle_i32);
+    step_phase(cfg, state, (int32_t)((uint32_t)primary.angle_i32 - (uint32_t)cfg->phase_set_point_i32));
     step_amplitude(cfg, state, primary.magnitude_q30);
 }

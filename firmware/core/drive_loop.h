@@ -11,6 +11,7 @@
 struct drive_loop_cfg {
     uint32_t pll_proportional_q32; /* Kp T: turns per sample per turn of phase error; T sample period */
     uint32_t pll_integral_q32;     /* Ki T T_loop: the same, per loop tick */
+    int32_t phase_set_point_i32;   /* angle of the primary amplitude that the PLL holds; 0 but for phase calibration */
     uint64_t freq_min_u64;         /* limits of the integrator, turns per sample */
     uint64_t freq_max_u64;
     int32_t amplitude_q30;         /* set-point, of ADC full scale */

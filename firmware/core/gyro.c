@@ -24,10 +24,37 @@ static struct gyro_force force_from_level(int32_t level_q31, struct phasor_q30 l
     return force;
 }
 
-static struct phasor_q30 drive_lead(const struct gyro_cfg *cfg, uint64_t freq_u64)
+/* rad in Q31 -> 2^32 = one turn: divided by pi. Range: 2^31 / pi. */
+static uint32_t turns_from_rad_q31(int32_t angle_rad_q31)
 {
-    uint32_t delay_u32 = (uint32_t)(((freq_u64 >> 32) * cfg->loop_delay_samples_q16) >> 16);
-    return oscillator_phasor(UINT32_C(0x40000000) + delay_u32);
+    return (uint32_t)fixed_mul_q31(angle_rad_q31, INT32_C(683565276));
+}
+
+static struct phasor_q30 drive_lead(const struct gyro_cfg *cfg, const struct gyro_state *state)
+{
+    uint64_t freq_u32 = state->oscillator.freq_u64 >> 32;
+    uint32_t delay_u32 = (uint32_t)((freq_u32 * cfg->loop_delay_samples_q16) >> 16);
+    return oscillator_phasor(UINT32_C(0x40000000) + delay_u32 + turns_from_rad_q31(state->drive_phase_rad_q31));
+}
+
+/* In-phase part along the lead (it acts like the Coriolis force), quadrature part 90 degrees behind it (like a stiffness). */
+static struct gyro_force force_from_parts(int32_t in_phase_q31, int32_t quadrature_q31, struct phasor_q30 lead)
+{
+    struct phasor_q30 behind = {lead.sine_q30, -lead.cosine_q30};
+    struct gyro_force in_phase = force_from_level(in_phase_q31, lead);
+    struct gyro_force quadrature = force_from_level(quadrature_q31, behind);
+    struct gyro_force force = {in_phase.cosine_q31 + quadrature.cosine_q31, in_phase.sine_q31 + quadrature.sine_q31};
+    return force;
+}
+
+/* a exp(-j angle of turn). Range: |a| < 1.28 sqrt(2) keeps every sum of two Q60 products below 2^62. */
+static struct complex_q30 turn_back(struct complex_q30 a, struct phasor_q30 turn)
+{
+    struct complex_q30 result = {
+        (int32_t)(((int64_t)a.i_q30 * turn.cosine_q30 + (int64_t)a.q_q30 * turn.sine_q30) >> 30),
+        (int32_t)(((int64_t)a.q_q30 * turn.cosine_q30 - (int64_t)a.i_q30 * turn.sine_q30) >> 30),
+    };
+    return result;
 }
 
 /* ---- loop tick --------------------------------------------------------------------------------------------------------- */
@@ -48,7 +75,7 @@ static void follow_bias(const struct gyro_cfg *cfg, struct gyro_state *state)
 static void measure_amplitudes(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
     state->primary = lockin_output(&cfg->lockin, &state->primary_lockin);
-    state->secondary = lockin_output(&cfg->lockin, &state->secondary_lockin);
+    state->secondary = turn_back(lockin_output(&cfg->lockin, &state->secondary_lockin), state->demodulation);
     add_amplitude(&state->primary_sum, state->primary);
     add_amplitude(&state->secondary_sum, state->secondary);
     follow_bias(cfg, state);
@@ -72,7 +99,7 @@ static void acquire(const struct gyro_cfg *cfg, struct gyro_state *state)
     if (found.done) {
         begin_drive_loop(cfg, state, found);
     }
-    state->drive_lead = drive_lead(cfg, state->oscillator.freq_u64);
+    state->drive_lead = drive_lead(cfg, state);
 }
 
 static void watch_silence(const struct gyro_cfg *cfg, struct gyro_state *state)
@@ -105,6 +132,36 @@ static void run_drive(const struct gyro_cfg *cfg, struct gyro_state *state)
         control_drive(cfg, state);
     }
     state->drive_force = force_from_level(state->drive.drive_q31, state->drive_lead);
+}
+
+static bool secondary_is_controlled(const struct gyro_cfg *cfg, const struct gyro_state *state)
+{
+    return state->loop == GYRO_LOOP_REBALANCE && state->acquisition.phase == ACQUISITION_DONE && state->blank_ticks == 0 &&
+           state->drive.amplitude_q30 > cfg->drive.amplitude_q30 / 2;
+}
+
+/* Forces on the secondary mode: rebalance, if that loop is closed, and the test force. */
+static void run_secondary(const struct gyro_cfg *cfg, struct gyro_state *state)
+{
+    if (secondary_is_controlled(cfg, state)) {
+        rebalance_step(&cfg->rebalance, &state->rebalance, state->secondary);
+    } else {
+        rebalance_reset(&state->rebalance);
+    }
+    const struct rebalance_axis *in_phase = &state->rebalance.in_phase;
+    const struct rebalance_axis *quadrature = &state->rebalance.quadrature;
+    struct complex_q30 read = {-(in_phase->force_q31 / 2), quadrature->force_q31 / 2};
+    struct test_signal_force test = test_signal_step(&cfg->test_signal, &state->test_signal);
+    bool saturated = in_phase->saturated || quadrature->saturated;
+    int64_t in_phase_limit = cfg->rebalance.in_phase_limit_q31;
+    int64_t quadrature_limit = cfg->rebalance.quadrature_limit_q31;
+    int64_t in_phase_q31 = (int64_t)in_phase->force_q31 + test.in_phase_q31;
+    int64_t quadrature_q31 = (int64_t)quadrature->force_q31 + test.quadrature_q31;
+    in_phase_q31 = fixed_clamp_i64(in_phase_q31, -in_phase_limit, in_phase_limit, &saturated);
+    quadrature_q31 = fixed_clamp_i64(quadrature_q31, -quadrature_limit, quadrature_limit, &saturated);
+    add_amplitude(&state->rebalance_sum, read);
+    state->rebalance_force = force_from_parts((int32_t)in_phase_q31, (int32_t)quadrature_q31, state->drive_lead);
+    state->rebalance_saturated = state->rebalance_saturated || saturated;
 }
 
 static int32_t distance(int32_t a, int32_t b)
@@ -159,25 +216,34 @@ static void evaluate_polynomials(const struct gyro_cfg *cfg, struct gyro_state *
     state->bias_at_tick_q31 = bias;
     state->bias_step_q31 = change / (int32_t)cfg->loops_per_slow;
     state->bias_rad_s_q31 = fixed_saturate_i32((int64_t)bias + state->bias_step_q31 / 2, &state->overflow);
-    state->scale_rad_s_q28 = thermal_polynomial_eval(&cfg->scale_rad_s_q28, argument_q31, &state->overflow);
     state->decay_per_s_q22 = thermal_polynomial_eval(&cfg->decay_per_s_q22, argument_q31, &state->overflow);
+    state->drive_phase_rad_q31 = thermal_polynomial_eval(&cfg->drive_phase_rad_q31, argument_q31, &state->overflow);
+    const struct thermal_polynomial *scale =
+        state->loop == GYRO_LOOP_REBALANCE ? &cfg->rebalance_scale_rad_s_q28 : &cfg->scale_rad_s_q28;
+    state->scale_rad_s_q28 = thermal_polynomial_eval(scale, argument_q31, &state->overflow);
+    int32_t phase_rad_q31 = thermal_polynomial_eval(&cfg->demodulation_phase_rad_q31, argument_q31, &state->overflow);
+    state->demodulation = oscillator_phasor(turns_from_rad_q31(phase_rad_q31));
 }
 
-static void select_compensation(const struct gyro_cfg *cfg, struct gyro_state *state)
+/* A change of loop or compensation takes effect here, between two slow periods. */
+static void select_mode(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
-    if (cfg->compensation != state->compensation) {
+    if (cfg->compensation != state->compensation || cfg->loop != state->loop) {
         decoupler_reset(&state->decoupler);
         state->rate.removed_rad_s_q46 = 0;
         state->compensation = cfg->compensation;
+        state->loop = cfg->loop;
     }
+    state->decoupling = state->compensation == GYRO_COMPENSATION_G2 && state->loop == GYRO_LOOP_OPEN;
 }
 
 static void retune(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
     state->retune_valid = decoupler_retune(&cfg->tuning, state->oscillator.freq_u64, state->decay_per_s_q22,
                                            state->bias_rad_s_q31, &state->decoupler_coefs);
-    state->drive_lead = drive_lead(cfg, state->oscillator.freq_u64);
-    select_compensation(cfg, state);
+    (void)decoupler_two_cosine(&cfg->tuning, state->oscillator.freq_u64, &state->two_cos_q30);
+    state->drive_lead = drive_lead(cfg, state);
+    select_mode(cfg, state);
 }
 
 static struct complex_q30 mean_amplitude(const struct gyro_cfg *cfg, struct gyro_sum *sum)
@@ -208,9 +274,9 @@ static void compensate(const struct gyro_cfg *cfg, struct gyro_state *state, int
     int32_t decay_q31 = decay_per_slow_tick_q31(cfg, state->decay_per_s_q22);
     *compensated_q28 = measured_q28;
     *uncompensated_q28 = measured_q28;
-    if (state->compensation == GYRO_COMPENSATION_STATIC) {
+    if (state->compensation != GYRO_COMPENSATION_NONE && !state->decoupling) {
         *compensated_q28 = fixed_saturate_i32((int64_t)measured_q28 - static_q28, &state->overflow);
-    } else if (state->compensation == GYRO_COMPENSATION_G2) {
+    } else if (state->decoupling) {
         int32_t removed_q28 = rate_removed_step_q28(&state->rate, state->bias_at_tick_q31, decay_q31);
         *uncompensated_q28 = fixed_saturate_i32((int64_t)measured_q28 + removed_q28, &state->overflow);
     }
@@ -223,9 +289,17 @@ static void compute_rate(const struct gyro_cfg *cfg, struct gyro_state *state)
     int32_t compensated_q28, uncompensated_q28;
     signals->primary = mean_amplitude(cfg, &state->primary_sum);
     signals->secondary = mean_amplitude(cfg, &state->secondary_sum);
-    int32_t ratio_q29 = rate_ratio_q29(signals->primary, signals->secondary, &valid, &state->overflow);
+    struct complex_q30 force = mean_amplitude(cfg, &state->rebalance_sum);
+    signals->rebalance_in_phase_q31 = -2 * force.i_q30;
+    signals->rebalance_quadrature_q31 = 2 * force.q_q30;
+    struct complex_q30 read = state->loop == GYRO_LOOP_REBALANCE ? force : signals->secondary;
+    struct complex_q30 read_quadrature = {read.q_q30, -read.i_q30};
+    int32_t ratio_q29 = rate_ratio_q29(signals->primary, read, &valid, &state->overflow);
     int32_t measured_q28 = rate_scale_q28(ratio_q29, state->scale_rad_s_q28, &state->overflow);
+    ratio_q29 = rate_ratio_q29(signals->primary, read_quadrature, &valid, &state->overflow);
+    signals->quadrature_rad_s_q28 = rate_scale_q28(ratio_q29, state->scale_rad_s_q28, &state->overflow);
     compensate(cfg, state, measured_q28, &compensated_q28, &uncompensated_q28);
+    signals->angle_u64 += (uint64_t)(int64_t)compensated_q28;
     signals->rate_rad_s_q28 = output_filter_step(cfg->output_filter, &state->filter, compensated_q28, &state->overflow);
     signals->rate_uncompensated_rad_s_q28 =
         output_filter_step(cfg->output_filter, &state->filter_uncompensated, uncompensated_q28, &state->overflow);
@@ -237,7 +311,7 @@ static bool compensation_ready(const struct gyro_cfg *cfg, const struct gyro_sta
         return true;
     }
     bool thermal = cfg->calibration_valid && state->temperature_valid;
-    return state->compensation == GYRO_COMPENSATION_G2 ? thermal && state->retune_valid : thermal;
+    return state->decoupling ? thermal && state->retune_valid : thermal;
 }
 
 static uint32_t flag(bool condition, uint32_t bit)
@@ -249,12 +323,18 @@ static uint32_t status_of(const struct gyro_cfg *cfg, const struct gyro_state *s
 {
     bool acquiring = state->acquisition.phase != ACQUISITION_DONE;
     bool locked = state->lock_ticks >= cfg->monitor.hold_ticks;
-    bool rate_valid = locked && !state->adc_saturated && !state->overflow && compensation_ready(cfg, state);
+    bool rebalanced = secondary_is_controlled(cfg, state);
+    bool tested = cfg->test_signal.in_phase_q31 != 0 || cfg->test_signal.quadrature_q31 != 0;
+    bool closed_or_open = state->loop == GYRO_LOOP_OPEN || (rebalanced && !state->rebalance_saturated);
+    bool rate_valid = locked && closed_or_open && !tested && !state->adc_saturated && !state->overflow &&
+                      compensation_ready(cfg, state);
     return flag(locked, GYRO_STATUS_LOCKED) | flag(!acquiring && amplitude_in_range(cfg, state), GYRO_STATUS_AMPLITUDE_IN_RANGE) |
            flag(state->adc_saturated, GYRO_STATUS_ADC_SATURATED) | flag(state->drive_saturated, GYRO_STATUS_DRIVE_SATURATED) |
            flag(state->overflow, GYRO_STATUS_OVERFLOW) | flag(cfg->calibration_valid, GYRO_STATUS_CALIBRATION_VALID) |
            flag(state->temperature_valid, GYRO_STATUS_TEMPERATURE_VALID) | flag(state->retune_valid, GYRO_STATUS_RETUNE_VALID) |
-           flag(rate_valid, GYRO_STATUS_RATE_VALID) | flag(acquiring, GYRO_STATUS_ACQUIRING);
+           flag(rate_valid, GYRO_STATUS_RATE_VALID) | flag(acquiring, GYRO_STATUS_ACQUIRING) |
+           flag(rebalanced, GYRO_STATUS_REBALANCE_ACTIVE) | flag(state->rebalance_saturated, GYRO_STATUS_REBALANCE_SATURATED) |
+           flag(tested, GYRO_STATUS_TEST_ACTIVE);
 }
 
 static void publish(const struct gyro_cfg *cfg, struct gyro_state *state)
@@ -268,6 +348,7 @@ static void publish(const struct gyro_cfg *cfg, struct gyro_state *state)
     signals->status = status_of(cfg, state);
     state->adc_saturated = false;
     state->drive_saturated = false;
+    state->rebalance_saturated = false;
     state->overflow = false;
 }
 
@@ -277,17 +358,15 @@ static void run_slow_task(const struct gyro_cfg *cfg, struct gyro_state *state, 
                           struct gyro_output *output)
 {
     switch (state->loop_slot) {
-    case 3:
+    case 4:
         compute_rate(cfg, state);
         break;
-    case 4:
+    case 5:
         publish(cfg, state);
         output->slow_tick = true;
         break;
-    case 5:
-        take_temperature(cfg, state, input->thermometer_raw);
-        break;
     case 6:
+        take_temperature(cfg, state, input->thermometer_raw);
         evaluate_polynomials(cfg, state);
         break;
     case 7:
@@ -298,7 +377,7 @@ static void run_slow_task(const struct gyro_cfg *cfg, struct gyro_state *state, 
     }
 }
 
-/* One task a sample: slots 0 to 2 of every loop tick belong to the drive, slots 3 to 7 of the first one of a slow period to the rate. */
+/* One task a sample: slots 0 to 3 of every loop tick belong to the loops, slots 4 to 7 of the first one of a slow period to the rate. */
 static void run_task(const struct gyro_cfg *cfg, struct gyro_state *state, const struct gyro_input *input,
                      struct gyro_output *output)
 {
@@ -312,6 +391,9 @@ static void run_task(const struct gyro_cfg *cfg, struct gyro_state *state, const
     case 2:
         run_drive(cfg, state);
         watch_lock(cfg, state);
+        break;
+    case 3:
+        run_secondary(cfg, state);
         break;
     default:
         if (state->slow_slot == 0) {
@@ -335,11 +417,13 @@ static void advance_slot(const struct gyro_cfg *cfg, struct gyro_state *state)
 
 void gyro_reset(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
-    *state = (struct gyro_state){.compensation = cfg->compensation};
+    *state = (struct gyro_state){.compensation = cfg->compensation, .loop = cfg->loop};
     acquisition_reset(&cfg->acquisition, &state->acquisition);
     state->oscillator.freq_u64 = cfg->tuning.center_freq_u64;
     drive_loop_reset(&state->drive, cfg->tuning.center_freq_u64, 0);
-    state->drive_lead = drive_lead(cfg, cfg->tuning.center_freq_u64);
+    state->drive_lead = drive_lead(cfg, state);
+    state->demodulation = oscillator_phasor(0);
+    (void)decoupler_two_cosine(&cfg->tuning, cfg->tuning.center_freq_u64, &state->two_cos_q30);
     state->signals.freq_u64 = cfg->tuning.center_freq_u64;
 }
 
@@ -354,13 +438,19 @@ struct gyro_output gyro_step(const struct gyro_cfg *cfg, struct gyro_state *stat
     int32_t secondary_q31 = input->secondary_q31;
     state->adc_saturated |= beyond(input->primary_q31, cfg->monitor.adc_limit_q31) ||
                             beyond(secondary_q31, cfg->monitor.adc_limit_q31);
-    if (state->compensation == GYRO_COMPENSATION_G2) {
+    if (state->decoupling) {
         int32_t leaked_q31 = decoupler_step(&state->decoupler_coefs, &state->decoupler, input->primary_q31, &state->overflow);
         secondary_q31 = fixed_saturate_i32((int64_t)secondary_q31 - leaked_q31, &state->overflow);
     }
     lockin_step(&state->primary_lockin, input->primary_q31, reference);
     lockin_step(&state->secondary_lockin, secondary_q31, reference);
-    struct gyro_output output = {force_sample_q31(state->drive_force, reference), 0, false};
+    struct gyro_output output = {
+        dac_shaper_step(&state->drive_shaper, force_sample_q31(state->drive_force, reference), state->two_cos_q30, cfg->dac_shift,
+                        &state->drive_saturated),
+        dac_shaper_step(&state->rebalance_shaper, force_sample_q31(state->rebalance_force, reference), state->two_cos_q30,
+                        cfg->dac_shift, &state->rebalance_saturated),
+        false,
+    };
     run_task(cfg, state, input, &output);
     advance_slot(cfg, state);
     return output;
