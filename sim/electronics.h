@@ -2,8 +2,10 @@
 #ifndef SIM_ELECTRONICS_H
 #define SIM_ELECTRONICS_H
 
-#include <math.h>
 #include <stdint.h>
+#include <string.h>
+
+#include "sim/pair.h"
 
 /* cdef begin */
 /* Channel 0 is the primary pickoff or the drive, channel 1 the secondary pickoff or the rebalance force.
@@ -18,46 +20,74 @@ struct electronics_cfg {
 };
 /* cdef end */
 
-struct adc_channel {
-    double codes_per_fs;  /* 2^(bits-1) */
-    double offset_codes;
-    double low_code, high_code;
-    double noise_codes;   /* rms */
+/* Both pickoff channels, one per half of each pair. */
+struct adc {
+    pair codes_per_fs; /* 2^(bits-1) */
+    pair offset_codes;
+    pair noise_codes;  /* rms */
+    int64_t low_code, high_code;
 };
 
-/* Round to the nearest integer, ties to even; exact for |value| <= 2^51. Written out so that no compiler calls a function for it. */
-static inline double round_to_even(double value)
-{
-    const double magic = 6755399441055744.0; /* 1.5 x 2^52 */
-    return (value + magic) - magic;
-}
-
-/* One conversion. *saturated counts the codes that were clamped; what is not a number becomes the lowest code. */
-static inline int32_t adc_convert(const struct adc_channel *adc, double displacement_fs, double noise, uint64_t *saturated)
-{
-    double wanted = displacement_fs * adc->codes_per_fs + (adc->offset_codes + noise * adc->noise_codes);
-    double code = wanted > adc->low_code ? wanted : adc->low_code;
-    code = code < adc->high_code ? code : adc->high_code;
-    *saturated += code != wanted;
-    return (int32_t)(int64_t)round_to_even(code);
-}
-
-/* Force as a fraction of full scale. Codes beyond the converter's width saturate. */
-struct dac_channel {
-    double fs_per_code;
+/* Both force channels. Forces are fractions of full scale. */
+struct dac {
+    pair fs_per_code;
     int32_t low_code, high_code;
 };
 
-static inline double dac_convert(const struct dac_channel *dac, int32_t code, uint64_t *saturated)
+void adc_init(const struct electronics_cfg *cfg, struct adc *adc);
+
+void dac_init(const struct electronics_cfg *cfg, struct dac *dac);
+
+/* 1.5 x 2^52: a double near it has the integer part as the low bits of its representation, rounded with ties to even. */
+#define ELECTRONICS_MAGIC 6755399441055744.0
+#define ELECTRONICS_MAGIC_BITS INT64_C(0x4338000000000000)
+
+/* Nearest integer, ties to even, |value| <= 2^51; the same on every machine and no call of a function. */
+static inline double round_to_even(double value)
 {
-    int32_t clamped = code < dac->low_code ? dac->low_code : code;
-    clamped = clamped > dac->high_code ? dac->high_code : clamped;
-    *saturated += clamped != code;
-    return clamped * dac->fs_per_code;
+    return (value + ELECTRONICS_MAGIC) - ELECTRONICS_MAGIC;
 }
 
-void adc_init(const struct electronics_cfg *cfg, int channel, struct adc_channel *adc);
+/* Out of the converter's range, or not a number, which becomes the lowest code. */
+int32_t adc_saturate(const struct adc *adc, double wanted_codes, uint64_t *saturated);
 
-void dac_init(const struct electronics_cfg *cfg, struct dac_channel *dac);
+/* With a wanted value beyond 2^51 the bits are no integer any more, but they are outside the range all the same: doubles of one sign
+ * are ordered as their representations are. */
+static inline int32_t adc_round(const struct adc *adc, double wanted_codes, uint64_t *saturated)
+{
+    double shifted = wanted_codes + ELECTRONICS_MAGIC;
+    int64_t code;
+    memcpy(&code, &shifted, sizeof code);
+    code = (int64_t)((uint64_t)code - (uint64_t)ELECTRONICS_MAGIC_BITS);
+    if (__builtin_expect(code < adc->low_code || code > adc->high_code, 0)) {
+        return adc_saturate(adc, wanted_codes, saturated);
+    }
+    return (int32_t)code;
+}
+
+/* One conversion of both channels. noise: standard Gaussian numbers. *saturated counts the codes that were clamped. */
+static inline void adc_convert(const struct adc *adc, pair displacement_fs, pair noise, int32_t code[2], uint64_t *saturated)
+{
+    pair wanted = displacement_fs * adc->codes_per_fs + (adc->offset_codes + noise * adc->noise_codes);
+    code[0] = adc_round(adc, wanted[0], saturated);
+    code[1] = adc_round(adc, wanted[1], saturated);
+}
+
+/* Codes beyond the converter's width saturate and are counted. */
+static inline int32_t dac_clamp(const struct dac *dac, int32_t code, uint64_t *saturated)
+{
+    if (__builtin_expect(code < dac->low_code || code > dac->high_code, 0)) {
+        (*saturated)++;
+        return code < dac->low_code ? dac->low_code : dac->high_code;
+    }
+    return code;
+}
+
+static inline pair dac_convert(const struct dac *dac, const int32_t code[2], uint64_t *saturated)
+{
+    int32_t drive = dac_clamp(dac, code[0], saturated);
+    int32_t rebalance = dac_clamp(dac, code[1], saturated);
+    return (pair){drive, rebalance} * dac->fs_per_code;
+}
 
 #endif

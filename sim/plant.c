@@ -34,11 +34,10 @@ static inline void unscale(const struct resonator_state *state, double velocity_
 static void run_block(const struct resonator_map *map, double velocity_scale_rad_s, uint32_t n, const double *forces,
                       struct resonator_state *state, double *trajectory)
 {
-    static const double none[2] = {0.0, 0.0};
     struct resonator_state local = *state;
     for (uint32_t i = 0; i < n; i++) {
         pair pushed[2];
-        resonator_push(map, forces ? forces + 2 * i : none, pushed);
+        resonator_push(map, forces ? (pair){forces[2 * i], forces[2 * i + 1]} : pair_of(0.0), pushed);
         resonator_step(map, &local, pushed);
         if (trajectory) {
             unscale(&local, velocity_scale_rad_s, trajectory + 4 * i);

@@ -86,7 +86,7 @@ void resonator_map_over(const struct resonator_coefs *coefs, double velocity_sca
 double resonator_quadrature_rad_s(const struct resonator_coefs *coefs);
 
 /* What the held forces add over the interval. */
-static inline void resonator_push(const struct resonator_map *map, const double force[2], pair pushed[2])
+static inline void resonator_push(const struct resonator_map *map, pair force, pair pushed[2])
 {
     for (int mode = 0; mode < 2; mode++) {
         pushed[mode] = map->input[0][mode] * pair_of(force[0]) + map->input[1][mode] * pair_of(force[1]);

@@ -52,10 +52,8 @@ static void look_back(const struct sampling_plan *plan, const struct resonator_c
             view->on_mode[from] = (pair){matrix4_get(&back.transition, 2 * mode, 2 * from),
                                          matrix4_get(&back.transition, 2 * mode, 2 * from + 1)};
         }
-        for (int channel = 0; channel < 2; channel++) {
-            view->late[channel] = back.input[channel][mode][0];
-            view->early[channel] = early[channel][mode][0];
-        }
+        view->late = (pair){back.input[0][mode][0], back.input[1][mode][0]};
+        view->early = (pair){early[0][mode][0], early[1][mode][0]};
     }
 }
 
@@ -67,26 +65,4 @@ void sampling_map_at(const struct sampling_plan *plan, const struct resonator_co
         split_force(plan, coefs, velocity_scale_rad_s, map);
         look_back(plan, coefs, velocity_scale_rad_s, map);
     }
-}
-
-static double look(const struct sampling_view *view, const struct resonator_state *state, const double late[2], const double early[2])
-{
-    pair from_state = view->on_mode[0] * state->mode[0] + view->on_mode[1] * state->mode[1];
-    double from_force = (view->late[0] * late[0] + view->late[1] * late[1]) + (view->early[0] * early[0] + view->early[1] * early[1]);
-    return (from_state[0] + from_state[1]) + from_force;
-}
-
-void sampling_step_fractions(const struct sampling_plan *plan, const struct sampling_map *map, struct sampling_state *state,
-                             uint64_t sample, double seen[2])
-{
-    const double *late = sampling_past(state->force, sample, plan->latency_samples + 1);
-    const double *early = sampling_past(state->force, sample, plan->latency_samples + 2);
-    pair pushed[2];
-    for (int mode = 0; mode < 2; mode++) {
-        pushed[mode] = (map->late[0][mode] * pair_of(late[0]) + map->late[1][mode] * pair_of(late[1]))
-                       + (map->early[0][mode] * pair_of(early[0]) + map->early[1][mode] * pair_of(early[1]));
-    }
-    resonator_step(&map->whole, &state->resonator, pushed);
-    seen[0] = look(&map->view[0], &state->resonator, late, early);
-    seen[1] = look(&map->view[1], &state->resonator, late, early);
 }

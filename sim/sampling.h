@@ -23,7 +23,7 @@ struct sampling_plan {
 /* One displacement that was delay_fraction ago, from the state and the two forces of the interval. */
 struct sampling_view {
     pair on_mode[2];
-    double late[2], early[2];
+    pair late, early;
 };
 
 /* Set per block. */
@@ -33,10 +33,10 @@ struct sampling_map {
     struct sampling_view view[2];   /* primary, secondary */
 };
 
-struct sampling_state {
-    struct resonator_state resonator;
-    double force[SAMPLING_HISTORY][2];        /* as computed at sample n, at n modulo the length */
-    double displacement[SAMPLING_HISTORY][2]; /* as seen at sample n, before whole samples of delay */
+/* What the last samples left behind, at the sample's number modulo the length. */
+struct sampling_history {
+    pair force[SAMPLING_HISTORY];        /* as computed at that sample */
+    pair displacement[SAMPLING_HISTORY]; /* as seen at that sample, before whole samples of delay */
 };
 
 void sampling_plan_init(double period_s, double adc_delay_samples, double dac_latency_samples, struct sampling_plan *plan);
@@ -44,44 +44,57 @@ void sampling_plan_init(double period_s, double adc_delay_samples, double dac_la
 void sampling_map_at(const struct sampling_plan *plan, const struct resonator_coefs *coefs, double velocity_scale_rad_s,
                      struct sampling_map *map);
 
-static inline const double *sampling_past(const double history[SAMPLING_HISTORY][2], uint64_t sample, uint32_t age)
+static inline pair sampling_past(const pair history[SAMPLING_HISTORY], uint64_t sample, uint32_t age)
 {
     return history[(sample - age) % SAMPLING_HISTORY];
 }
 
-/* The interval that ends at `sample`, with fractions of a sample; seen[] as the ADC finds it before whole samples of delay. */
-void sampling_step_fractions(const struct sampling_plan *plan, const struct sampling_map *map, struct sampling_state *state,
-                             uint64_t sample, double seen[2]);
-
-/* Advance to `sample`; seen[] is what the ADC converts there. */
-static inline void sampling_step(const struct sampling_plan *plan, const struct sampling_map *map, struct sampling_state *state,
-                                 uint64_t sample, double seen[2])
+static inline double sampling_look(const struct sampling_view *view, const struct resonator_state *state, pair late, pair early)
 {
+    pair from_state = view->on_mode[0] * state->mode[0] + view->on_mode[1] * state->mode[1];
+    pair from_force = view->late * late + view->early * early;
+    return (from_state[0] + from_state[1]) + (from_force[0] + from_force[1]);
+}
+
+/* The interval that ends at `sample`, with fractions of a sample. */
+static inline pair sampling_step_fractions(const struct sampling_plan *plan, const struct sampling_map *map,
+                                           const struct sampling_history *history, uint64_t sample, struct resonator_state *state)
+{
+    pair late = sampling_past(history->force, sample, plan->latency_samples + 1);
+    pair early = sampling_past(history->force, sample, plan->latency_samples + 2);
+    pair pushed[2];
+    for (int mode = 0; mode < 2; mode++) {
+        pushed[mode] = (map->late[0][mode] * pair_of(late[0]) + map->late[1][mode] * pair_of(late[1]))
+                       + (map->early[0][mode] * pair_of(early[0]) + map->early[1][mode] * pair_of(early[1]));
+    }
+    resonator_step(&map->whole, state, pushed);
+    return (pair){sampling_look(&map->view[0], state, late, early), sampling_look(&map->view[1], state, late, early)};
+}
+
+/* Advance to `sample`; returns what the ADC converts there, primary and secondary displacement. */
+static inline pair sampling_step(const struct sampling_plan *plan, const struct sampling_map *map, struct sampling_history *history,
+                                 uint64_t sample, struct resonator_state *state)
+{
+    pair seen;
     if (plan->fractions) {
-        sampling_step_fractions(plan, map, state, sample, seen);
+        seen = sampling_step_fractions(plan, map, history, sample, state);
     } else {
         pair pushed[2];
-        resonator_push(&map->whole, sampling_past(state->force, sample, plan->latency_samples + 1), pushed);
-        resonator_step(&map->whole, &state->resonator, pushed);
-        seen[0] = state->resonator.mode[0][0];
-        seen[1] = state->resonator.mode[1][0];
+        resonator_push(&map->whole, sampling_past(history->force, sample, plan->latency_samples + 1), pushed);
+        resonator_step(&map->whole, state, pushed);
+        seen = (pair){state->mode[0][0], state->mode[1][0]};
     }
     if (plan->delay_samples != 0) {
-        double *here = state->displacement[sample % SAMPLING_HISTORY];
-        here[0] = seen[0];
-        here[1] = seen[1];
-        const double *past = sampling_past(state->displacement, sample, plan->delay_samples);
-        seen[0] = past[0];
-        seen[1] = past[1];
+        history->displacement[sample % SAMPLING_HISTORY] = seen;
+        seen = sampling_past(history->displacement, sample, plan->delay_samples);
     }
+    return seen;
 }
 
 /* The forces computed at `sample`, as fractions of DAC full scale. */
-static inline void sampling_push_force(struct sampling_state *state, uint64_t sample, double drive, double rebalance)
+static inline void sampling_push_force(struct sampling_history *history, uint64_t sample, pair force)
 {
-    double *here = state->force[sample % SAMPLING_HISTORY];
-    here[0] = drive;
-    here[1] = rebalance;
+    history->force[sample % SAMPLING_HISTORY] = force;
 }
 
 #endif

@@ -38,9 +38,7 @@ static void init_parts(struct twin *twin)
     sampling_plan_init(period_s, cfg->electronics.adc_delay_samples, cfg->electronics.dac_latency_samples, &twin->sampling_plan);
     noise_table_init(&twin->noise_table);
     dac_init(&cfg->electronics, &twin->dac);
-    for (int channel = 0; channel < 2; channel++) {
-        adc_init(&cfg->electronics, channel, &twin->adc[channel]);
-    }
+    adc_init(&cfg->electronics, &twin->adc);
     for (uint32_t stream = 0; stream < TWIN_STREAM_COUNT; stream++) {
         noise_init(&twin->stream[stream], cfg->seed, stream);
     }
@@ -126,34 +124,36 @@ struct wg_device *twin_device(struct twin *twin)
 static void draw_noise(struct twin *twin)
 {
     for (int channel = 0; channel < 2; channel++) {
-        if (twin->adc[channel].noise_codes > 0.0) {
+        if (twin->adc.noise_codes[channel] > 0.0) {
             noise_gaussian(&twin->noise_table, &twin->stream[TWIN_STREAM_ADC_PRIMARY + channel], twin->cfg.block_samples,
                            twin->noise[channel]);
         }
     }
 }
 
-/* Samples first .. end - 1 of the present block. codes: 4 per sample of the block, or NULL. */
+/* Samples first .. end - 1 of the present block. codes: 4 per sample of the block, or NULL. What the loop changes is held in local
+ * variables, so that a compiler need not fear that the device changes it too. */
 static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
 {
-    struct wg_device *device = twin->device;
-    uint64_t before = twin->sample;
+    struct resonator_state motion = twin->motion;
+    uint64_t adc_saturations = 0;
+    uint64_t dac_saturations = 0;
     for (uint32_t i = first; i < end; i++) {
-        uint64_t sample = before + 1 + (i - first);
-        double seen[2];
+        uint64_t sample = twin->sample + 1 + (i - first);
         int32_t adc[2], dac[2];
-        sampling_step(&twin->sampling_plan, &twin->map, &twin->sampling, sample, seen);
-        adc[0] = adc_convert(&twin->adc[0], seen[0], twin->noise[0][i], &twin->adc_saturations);
-        adc[1] = adc_convert(&twin->adc[1], seen[1], twin->noise[1][i], &twin->adc_saturations);
-        wg_device_sample(device, adc, dac);
-        sampling_push_force(&twin->sampling, sample, dac_convert(&twin->dac, dac[0], &twin->dac_saturations),
-                            dac_convert(&twin->dac, dac[1], &twin->dac_saturations));
+        pair seen = sampling_step(&twin->sampling_plan, &twin->map, &twin->history, sample, &motion);
+        adc_convert(&twin->adc, seen, (pair){twin->noise[0][i], twin->noise[1][i]}, adc, &adc_saturations);
+        wg_device_sample(twin->device, adc, dac);
+        sampling_push_force(&twin->history, sample, dac_convert(&twin->dac, dac, &dac_saturations));
         if (codes) {
             memcpy(codes + 4 * i, adc, sizeof adc);
             memcpy(codes + 4 * i + 2, dac, sizeof dac);
         }
     }
-    twin->sample = before + (end - first);
+    twin->motion = motion;
+    twin->sample += end - first;
+    twin->adc_saturations += adc_saturations;
+    twin->dac_saturations += dac_saturations;
 }
 
 static void run_block(struct twin *twin, double rate_rad_s, double rate_dot_rad_s2, double chamber_end_degc, int32_t *codes)

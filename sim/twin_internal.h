@@ -17,8 +17,8 @@ struct twin {
     struct resonator resonator;
     struct thermal_plan thermal_plan;
     struct sampling_plan sampling_plan;
-    struct adc_channel adc[2];
-    struct dac_channel dac;
+    struct adc adc;
+    struct dac dac;
     struct noise_table noise_table;
 
     /* Of the present block. */
@@ -28,7 +28,8 @@ struct twin {
 
     /* What changes with time. */
     struct thermal_point temperature;
-    struct sampling_state sampling;
+    struct resonator_state motion;
+    struct sampling_history history;
     struct noise_state stream[TWIN_STREAM_COUNT];
     int32_t thermometer_code;
     uint64_t sample;

@@ -5,14 +5,12 @@
 
 double twin_oscillator_turns(const struct twin *twin)
 {
-    return (double)(wg_device_phase_u64(twin->device) >> 11) * 0x1p-53;
+    return (double)(int64_t)(twin->device->app.gyro.oscillator.phase_u64 >> 11) * 0x1p-53;
 }
 
 double twin_oscillator_hz(const struct twin *twin)
 {
-    struct wg_device_signals signals;
-    wg_device_get_signals(twin->device, &signals);
-    return (double)signals.freq_u64 * 0x1p-64 * twin->cfg.sample_rate_hz;
+    return (double)twin->device->app.gyro.oscillator.freq_u64 * 0x1p-64 * twin->cfg.sample_rate_hz;
 }
 
 /* From x = Re(z) and x' = Re(j w z) of a steady motion: z = x - j x' / w, with w near enough the mean resonance; then turned back. */
@@ -20,8 +18,8 @@ struct twin_phasor twin_phasor(const struct twin *twin, int mode)
 {
     struct elementary_pair reference = elementary_cos_sin_turns(twin_oscillator_turns(twin));
     double frequency = sqrt(0.5 * (twin->coefs.stiffness[0] + twin->coefs.stiffness[1]));
-    double real = twin->sampling.resonator.mode[mode][0];
-    double imaginary = -twin->sampling.resonator.mode[mode][1] * (twin->resonator.velocity_scale_rad_s / frequency);
+    double real = twin->motion.mode[mode][0];
+    double imaginary = -twin->motion.mode[mode][1] * (twin->resonator.velocity_scale_rad_s / frequency);
     return (struct twin_phasor){
         real * reference.cosine + imaginary * reference.sine,
         imaginary * reference.cosine - real * reference.sine,
