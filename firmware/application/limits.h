@@ -13,6 +13,6 @@
 
 #define AMPLITUDE_MIN_Q30 (INT64_C(1) << 25)                /* 1/32 of full scale: rate needs a primary above 1/64 */
 #define AMPLITUDE_MAX_Q30 ((INT64_C(1) << 30) / 100 * 98)   /* room for the overshoot */
-#define DRIVE_MAX_Q31     INT64_C(2147268899)               /* 0.9999: the force must not leave 32 bit, see core/gyro.c */
+#define DRIVE_MAX_Q31     INT64_C(2147268900)               /* 0.9999: the force must not leave 32 bit, see core/gyro.c */
 
 #endif
