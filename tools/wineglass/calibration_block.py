@@ -35,6 +35,8 @@ COMPENSATIONS = ("none", "static", "g2")
 OUTPUT_FILTERS = ("none", "0.01", "0.025", "0.05", "0.1")
 
 _U32 = 2**32 - 1
+_AMPLITUDE_MAX_Q30 = 1052266988  # 0.98
+_DRIVE_MAX_Q31 = 2147268900  # 0.9999
 _POLYNOMIALS = {"bias_rad_s": 31, "scale_rad_s_per_ratio": 28, "decay_rate_per_s": 22}
 
 
@@ -73,11 +75,12 @@ class Calibration(Section):
     pll_ki_per_s2: float = quantity(..., "1/s^2", "phase loop, integral", ge=0.0)
     agc_kp: float = quantity(..., "FS/FS", "amplitude loop, force per amplitude", gt=0.0, le=1000.0)
     agc_ki_per_s: float = quantity(..., "FS/FS/s", "amplitude loop, integral", ge=0.0)
-    amplitude_set_point_fs: float = quantity(..., "FS", "amplitude of the primary, of ADC full scale", ge=1 / 32, le=0.98)
-    drive_limit_fs: float = quantity(..., "FS", "largest drive force, of DAC full scale", gt=0.0, le=0.9999)
+    amplitude_set_point_fs: float = quantity(..., "FS", "amplitude of the primary, of ADC full scale", ge=1 / 32, le=_AMPLITUDE_MAX_Q30 / 2**30)
+    drive_limit_fs: float = quantity(..., "FS", "largest drive force, of DAC full scale", gt=0.0,
+                                    le=_DRIVE_MAX_Q31 / 2**31)
     loop_delay_samples: float = quantity(..., "samples", "ADC delay, computation and DAC hold", ge=0.0, lt=16.0)
     lock_phase_limit_deg: float = quantity(..., "deg", "phase error within which the loop counts as locked", gt=0.0, le=90.0)
-    lock_amplitude_limit: float = quantity(..., "1", "amplitude error within which it does, of the set-point", gt=0.0, le=0.5)
+    lock_amplitude_limit: float = quantity(..., "1", "amplitude error within which it does, of the set-point", gt=0.0, le=0.51)
     lock_hold_s: float = quantity(..., "s", "time within limits before the loop counts as locked", gt=0.0)
     adc_limit_fs: float = quantity(..., "FS", "a pickoff beyond this counts as saturated", ge=0.5, lt=1.0)
     compensation: Literal["none", "static", "g2"] = quantity("none", "", "bias compensation after start-up")
@@ -214,8 +217,8 @@ _RANGES = {
     "pll_proportional_q32": (1, 2**29), "pll_integral_q32": (0, 2**29), "agc_proportional_q16": (1, 1000 * 2**16),
     "agc_integral_q24": (0, 64 * 2**24), "coupling_gain_q44": (1, 2**31 - 1), "angular_gain_q24": (1, 4 * 2**24),
     "thermometer_gain_degc_q36": (1, 2**31 - 1), "shift_min_q20": (-(2**27), 2**27), "shift_max_q20": (-(2**27), 2**27),
-    "phase_limit_i32": (1, 2**30), "amplitude_limit_q30": (1, 2**29), "drive_max_q31": (1, 2147268900),
-    "amplitude_q30": (2**25, 2**30 // 100 * 98),
+    "phase_limit_i32": (1, 2**30), "amplitude_limit_q30": (1, 2**29), "drive_max_q31": (1, _DRIVE_MAX_Q31),
+    "amplitude_q30": (2**25, _AMPLITUDE_MAX_Q30), "loop_delay_samples_q16": (0, 16 * 2**16 - 1),
 }
 _WIDTHS = {"i": (-(2**31), 2**31 - 1), "I": (0, _U32), "H": (0, 65535), "q": (-(2**63), 2**63 - 1), "Q": (0, 2**64 - 1)}
 
