@@ -1,0 +1,22 @@
+# Cortex-M without an operating system. WINEGLASS_BOARD names the port in hal/ and with it the processor.
+set(CMAKE_SYSTEM_NAME Generic)
+set(CMAKE_SYSTEM_PROCESSOR arm)
+set(CMAKE_C_COMPILER arm-none-eabi-gcc)
+set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
+set(CMAKE_TRY_COMPILE_PLATFORM_VARIABLES WINEGLASS_BOARD)
+set(CMAKE_EXECUTABLE_SUFFIX .elf)
+set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
+set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
+
+set(wineglass_processor_mps2-an386 cortex-m4)
+set(wineglass_processor_mps2-an500 cortex-m7)
+if(NOT DEFINED wineglass_processor_${WINEGLASS_BOARD})
+  message(FATAL_ERROR "WINEGLASS_BOARD is \"${WINEGLASS_BOARD}\"; known are mps2-an386 and mps2-an500")
+endif()
+
+# No floating point anywhere in the firmware, so no floating-point registers either.
+set(CMAKE_C_FLAGS_INIT
+  "-mcpu=${wineglass_processor_${WINEGLASS_BOARD}} -mthumb -mfloat-abi=soft -ffunction-sections -fdata-sections")
+set(CMAKE_EXE_LINKER_FLAGS_INIT "--specs=nano.specs -nostartfiles -Wl,--gc-sections")
