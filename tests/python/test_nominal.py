@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from wineglass import device as devices
-from wineglass import nominal
+from wineglass import nominal, scenario
+from wineglass.calibration_block import from_binary, to_binary
 
 SHIPPED = devices.names()
 
@@ -69,8 +70,35 @@ def test_amplitude_loop_comes_out_of_saturation_without_overshoot(name):
     assert path.y[0][-1] == pytest.approx(target, rel=1e-3)
 
 
-def test_chirp_and_listening_times():
-    device = devices.load("metal")
-    loop_hz = device.electronics.sample_rate_hz / device.firmware.decimation
-    assert 2 ** nominal.chirp_ticks_log2(device) / loop_hz == pytest.approx(0.1, rel=0.1)
-    assert 2 * 2 ** nominal.listen_ticks_log2(device) / loop_hz == pytest.approx(0.1, rel=0.1)
+def calibration(name):
+    return nominal.calibration(scenario.prepare(scenario.parse({"device": name}, "case")))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_device_has_a_calibration_that_fits_the_firmware(name):
+    nominal_calibration = calibration(name)
+    back = from_binary(to_binary(nominal_calibration))
+    device = devices.load(name)
+    assert back.device_name == name and back.compensation == "g2"
+    assert back.bias_rad_s == pytest.approx(device.resonator.cross_damping_rad_s, rel=1e-5)
+    shift = shifts(device)
+    for field in ("bias_rad_s", "scale_rad_s_per_ratio", "decay_rate_per_s"):
+        wanted, got = (np.polynomial.polynomial.polyval(shift, getattr(c, field)) for c in (nominal_calibration, back))
+        assert np.max(np.abs(got - wanted)) < 5e-6 * np.max(np.abs(wanted)), field
+
+
+def test_chirp_and_listening_take_a_tenth_of_a_second_each():
+    metal = calibration("metal")
+    assert (metal.chirp_s, metal.listen_s) == pytest.approx((0.1024, 0.1024))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_search_band_holds_the_resonance_at_every_temperature(name):
+    device, found = devices.load(name), calibration(name)
+    frequency = device.resonator.frequency_at(np.linspace(*device.calibration_range_degc(), 50))
+    assert found.search_min_hz < 0.99 * frequency.min() and found.search_max_hz > 1.01 * frequency.max()
+
+
+def test_thermometer_code_of_the_reference():
+    run = scenario.prepare(scenario.parse({"override": {"electronics.thermometer.zero_degc": -10.0}}, "case"))
+    assert nominal.calibration(run).thermometer_code_at_reference == 35 * 128

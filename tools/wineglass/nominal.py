@@ -5,13 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Chebyshev
 
+from wineglass.calibration_block import Calibration, make, read_json
 from wineglass.device import Device
+from wineglass.scenario import Run
 
 MAX_ORDER = 5
+CHIRP_S = 0.1
+SETTLE_TICKS = 20  # loop ticks; the decimator forgets the drive within three
+LISTEN_S = 0.1
+AUDIBLE_FS = 3e-4  # 50 dB under full scale and 20 dB over the noise of a loop tick
+DRIVE_LIMIT_FS = 0.9999
 FIT_TARGET = 1e-6  # relative; the order grows until the fit is this good or MAX_ORDER is reached
 
 
@@ -77,15 +85,62 @@ def loop_delay_samples(device: Device) -> float:
     return device.electronics.adc.delay_samples + device.electronics.dac.latency_samples + 0.5
 
 
-def chirp_ticks_log2(device: Device) -> int:
-    """Chirp of about 0.1 s, in powers of two of loop ticks."""
-    return _nearest_log2(0.1 * device.electronics.sample_rate_hz / device.firmware.decimation)
+def search_band_hz(device: Device) -> tuple[float, float]:
+    """Where cold start looks: every frequency of the temperature range, and the description's tolerance around it."""
+    frequency = device.resonator.frequency_at(np.linspace(*device.calibration_range_degc(), 101))
+    margin = device.firmware.search_fraction
+    return float(np.min(frequency)) * (1.0 - margin), float(np.max(frequency)) * (1.0 + margin)
 
 
-def listen_ticks_log2(device: Device) -> int:
-    """Each half of the listening: about 0.05 s."""
-    return _nearest_log2(0.05 * device.electronics.sample_rate_hz / device.firmware.decimation)
+def calibration(run: Run) -> Calibration:
+    """The nominal calibration of the run's device as described, set up for the run's mode."""
+    device = run.device
+    return make({
+        "device_name": device.name, "serial": 1, "sequence": 1,
+        "sample_rate_hz": device.electronics.sample_rate_hz,
+        "decimation": device.firmware.decimation, "loops_per_slow": device.firmware.loops_per_slow,
+        **_temperature(device), **_polynomials(device), **_acquisition(device), **_loops(device), **_monitors(),
+        "compensation": run.scenario.mode.compensation, "output_filter": run.output_filter,
+    }, f"nominal calibration of {device.name}")
 
 
-def _nearest_log2(ticks: float) -> int:
-    return round(math.log2(ticks))
+def from_file(run: Run, path: str) -> Calibration:
+    """A calibration file, set up for the run's mode."""
+    return read_json(path).with_changes(compensation=run.scenario.mode.compensation, output_filter=run.output_filter)
+
+
+def _temperature(device: Device) -> dict[str, Any]:
+    thermometer, reference = device.electronics.thermometer, device.resonator.reference_temperature_degc
+    low, high = device.calibration_range_degc()
+    return {"reference_temperature_degc": reference, "temperature_min_degc": low, "temperature_max_degc": high,
+            "thermometer_code_at_reference": round((reference - thermometer.zero_degc) / thermometer.lsb_degc),
+            "thermometer_degc_per_lsb": thermometer.lsb_degc}
+
+
+def _polynomials(device: Device) -> dict[str, Any]:
+    return {"bias_rad_s": list(device.resonator.cross_damping_rad_s), "angular_gain": device.resonator.angular_gain,
+            "scale_rad_s_per_ratio": scale_fit(device).coefficients, "decay_rate_per_s": decay_fit(device).coefficients}
+
+
+def _acquisition(device: Device) -> dict[str, Any]:
+    low, high = search_band_hz(device)
+    tick_s = device.firmware.decimation / device.electronics.sample_rate_hz
+    return {"nominal_frequency_hz": device.resonator.frequency_hz, "search_min_hz": low, "search_max_hz": high,
+            "chirp_s": _power_of_two(CHIRP_S, tick_s), "settle_s": SETTLE_TICKS * tick_s, "listen_s": _power_of_two(LISTEN_S, tick_s),
+            "audible_amplitude_fs": AUDIBLE_FS, "acquisition_attempts": 3}
+
+
+def _power_of_two(seconds: float, tick_s: float) -> float:
+    """The nearest 2^n loop ticks [s]."""
+    return 2.0 ** round(math.log2(seconds / tick_s)) * tick_s
+
+
+def _loops(device: Device) -> dict[str, Any]:
+    pll, agc = pll_gains(device), agc_gains(device)
+    return {"pll_kp_per_s": pll.proportional, "pll_ki_per_s2": pll.integral, "agc_kp": agc.proportional, "agc_ki_per_s": agc.integral,
+            "amplitude_set_point_fs": device.firmware.amplitude_fs, "drive_limit_fs": DRIVE_LIMIT_FS,
+            "loop_delay_samples": loop_delay_samples(device)}
+
+
+def _monitors() -> dict[str, Any]:
+    return {"lock_phase_limit_deg": 0.5, "lock_amplitude_limit": 0.005, "lock_hold_s": 0.1, "adc_limit_fs": 0.999}

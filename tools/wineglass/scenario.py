@@ -11,6 +11,7 @@ from pydantic import Field
 
 from wineglass import device as devices
 from wineglass import paths, toml_text, units
+from wineglass.calibration_block import output_filter_at
 from wineglass.device import Device
 from wineglass.errors import BadInput
 from wineglass.fields import Section, quantity, validate
@@ -18,9 +19,6 @@ from wineglass.importers.table import Table, read_table
 from wineglass.profiles import ConstantRate, ConstantTemperature, CsvTemperature, Rate, TableTemperature, Temperature
 
 FOLDER = paths.repository_root() / "scenarios"
-
-# Corner of the output filter as a fraction of the slow rate, by the firmware's number of the filter (0: none).
-OUTPUT_FILTER_CORNERS = (0.0, 0.01, 0.025, 0.05, 0.1)
 
 
 class Mode(Section):
@@ -100,9 +98,9 @@ class Run:
         return round(self.device.slow_rate_hz / rate_hz) if rate_hz > 0 else 0
 
     @property
-    def output_filter(self) -> int:
-        """The firmware's number of the chosen output filter."""
-        return _filter_number(self.scenario.mode.output_filter_hz, self.device)
+    def output_filter(self) -> str:
+        """The calibration's name of the chosen output filter."""
+        return output_filter_at(self.scenario.mode.output_filter_hz, self.device.slow_rate_hz)
 
     def block_times_s(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Start and end [s] of `count` blocks from number `first` on, shape (count,) each."""
@@ -159,7 +157,7 @@ def prepare(scenario: Scenario, device: Device | None = None) -> Run:
         truth = truth.override({"resonator.cross_damping_rad_s": [0.0]})
     run = Run(scenario, described, truth)
     _check_rates(run, where)
-    _filter_number(scenario.mode.output_filter_hz, run.device, where)
+    _check_filter(run, where)
     late = [burst for burst in scenario.recording.bursts if burst.time_s >= scenario.duration_s]
     if late:
         raise BadInput(f"a burst at {late[0].time_s:g} s begins after the end at {scenario.duration_s:g} s", where, "ask for it earlier")
@@ -206,13 +204,11 @@ def _check_rates(run: Run, where: str) -> None:
                            f"{where}, recording.{name}", "choose the slow rate over a whole number, or 0")
 
 
-def _filter_number(corner_hz: float, device: Device, where: str = "mode") -> int:
-    corners = [fraction * device.slow_rate_hz for fraction in OUTPUT_FILTER_CORNERS]
-    for number, corner in enumerate(corners):
-        if abs(corner - corner_hz) < 1e-9 * max(1.0, corner):
-            return number
-    raise BadInput(f"no output filter of {corner_hz:g} Hz", f"{where}, mode.output_filter_hz",
-                   f"choose one of {', '.join(f'{corner:g}' for corner in corners)} (0: none)")
+def _check_filter(run: Run, where: str) -> None:
+    try:
+        _ = run.output_filter
+    except BadInput as error:
+        raise BadInput(error.what, f"{where}, mode.output_filter_hz", error.todo) from None
 
 
 def _read_csv(profile: CsvTemperature, folder: Path, source: str) -> TableTemperature:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from wineglass import nominal
+from wineglass.calibration_block import Calibration, to_binary
 from wineglass.device import Device
 from wineglass.errors import BadInput
 from wineglass.native import ffi, library, pointer
@@ -25,13 +26,13 @@ from wineglass.scenario import Run, Scenario
 CHUNK_BLOCKS = 2000
 _TELEMETRY_CHUNK = 1 << 20
 
+_DEVICE = -6  # the firmware refused its configuration; it can say why
 _ERRORS = {
     -1: ("not enough memory", "close other programs"),
     -2: ("the sample rate does not suit the resonance", "check electronics.sample_rate_hz"),
     -3: ("the resonator cannot exist", "check the device's section resonator"),
     -4: ("the temperatures cannot be simulated", "check the device's sections thermal and electronics.thermometer"),
     -5: ("the converters cannot be simulated", "check the device's section electronics"),
-    -6: ("the device refused its configuration or its calibration", "check the calibration file"),
     -7: ("the profile asks for what the shell cannot be: a temperature at which its damping turns negative, or a number that is none",
          "check the scenario's temperature and rate"),
 }
@@ -83,7 +84,7 @@ class Twin:
         """calibration_block: None takes the one the scenario asks for. amplitudes, codes: also return them in every Block."""
         self.run = run
         self.seed = run.scenario.seed if seed is None else seed
-        self.calibration_block = calibration_for(run) if calibration_block is None else calibration_block
+        self.calibration_block = _block_for(run) if calibration_block is None else calibration_block
         self._amplitudes, self._codes = amplitudes, codes
         self._block = 0
         error = ffi.new("int32_t *")
@@ -91,7 +92,7 @@ class Twin:
         cfg = _configuration(run, self.seed)
         self._twin = library().twin_create(cfg, ffi.from_buffer(block) if block else ffi.NULL, len(block), error)
         if self._twin == ffi.NULL:
-            raise _refusal(run.scenario, int(error[0]))
+            raise _device_refusal(run, block) if error[0] == _DEVICE else _refusal(run.scenario, int(error[0]))
         self._device = library().twin_device(self._twin)
 
     @property
@@ -195,17 +196,32 @@ class _Record:
         return None if real is None or imaginary is None else real + 1j * imaginary
 
 
-def calibration_for(run: Run) -> bytes:
-    """The calibration block that the scenario asks for; empty: the firmware's own default."""
+def calibration_for(run: Run) -> Calibration | None:
+    """The calibration that the scenario asks for; None: the firmware's own default."""
     choice = run.scenario.calibration
     if choice == "none":
-        return b""
-    return nominal.block(run) if choice == "nominal" else nominal.block_from_file(run, choice)
+        return None
+    return nominal.calibration(run) if choice == "nominal" else nominal.from_file(run, choice)
+
+
+def _block_for(run: Run) -> bytes:
+    calibration = calibration_for(run)
+    return b"" if calibration is None else to_binary(calibration)
 
 
 def _refusal(scenario: Scenario, error: int) -> BadInput:
     what, todo = _ERRORS.get(error, (f"the twin failed with error {error}", "report this"))
     return BadInput(what, f"scenario {scenario.name or '(unnamed)'}", todo)
+
+
+def _device_refusal(run: Run, block: bytes) -> BadInput:
+    """Why the firmware does not take a calibration block."""
+    electronics = run.truth.electronics
+    cfg = ffi.new("struct wg_device_cfg *", [round(electronics.sample_rate_hz * 1000), electronics.adc.bits, electronics.dac.bits, 0, 1])
+    reason = library().wg_calibration_check(cfg, ffi.from_buffer(block) if block else ffi.NULL, len(block))
+    text = ffi.string(library().wg_reason_text(reason)).decode()
+    return BadInput(f"the firmware refuses the calibration ({text})", f"calibration of scenario {run.scenario.name or '(unnamed)'}",
+                    "use a calibration that was made for this device")
 
 
 def _configuration(run: Run, seed: int) -> Any:
