@@ -28,18 +28,6 @@ static bool board_sound(const struct hal_properties *board)
            board->store_sector_bytes % PROGRAM_BYTES_MAX == 0;
 }
 
-static struct application_codes codes_of(const struct hal_properties *board)
-{
-    uint32_t dac_shift = 32 - board->dac_bits;
-    struct application_codes codes = {
-        .adc_shift = 32 - board->adc_bits,
-        .dac_shift = dac_shift,
-        .dac_rounding = dac_shift == 0 ? 0 : INT64_C(1) << (dac_shift - 1),
-        .dac_max = (int32_t)(UINT32_C(0x7FFFFFFF) >> dac_shift),
-    };
-    return codes;
-}
-
 static bool load_stored(struct application *app)
 {
     struct store_record found[HAL_STORE_SECTORS];
@@ -91,7 +79,7 @@ int application_init(struct application *app, const struct hal *hal)
         return APPLICATION_ERROR_BOARD;
     }
     app->hal = hal;
-    app->codes = codes_of(hal->properties);
+    app->codes = (struct application_codes){32 - hal->properties->adc_bits, 32 - hal->properties->dac_bits};
     if (!load_stored(app) && !load_compiled_in(app)) {
         return APPLICATION_ERROR_CALIBRATION;
     }

@@ -36,8 +36,6 @@ enum calibration_source { CALIBRATION_COMPILED_IN, CALIBRATION_STORED, CALIBRATI
 /* Codes of the converters <-> left-justified 32 bit. */
 struct application_codes {
     uint32_t adc_shift, dac_shift; /* 32 - bits */
-    int64_t dac_rounding;          /* half a code, left-justified */
-    int32_t dac_max;
 };
 
 struct application_counters {
@@ -100,14 +98,8 @@ static inline int32_t application_pickoff_q31(const struct application *app, int
     return (int32_t)((uint32_t)adc_raw << app->codes.adc_shift);
 }
 
-/* Rounded half up; only the largest force rounds up to a code that does not exist. */
-static inline int32_t application_dac_code(const struct application *app, int32_t force_q31)
-{
-    int64_t code = (force_q31 + app->codes.dac_rounding) >> app->codes.dac_shift;
-    return code > app->codes.dac_max ? app->codes.dac_max : (int32_t)code;
-}
-
-/* interrupt: one sample. adc_raw: primary and secondary pickoff; dac_raw: drive and rebalance force. */
+/* interrupt: one sample. adc_raw: primary and secondary pickoff; dac_raw: drive and rebalance force, which the
+ * signal processing has already rounded to codes. */
 static inline void application_sample(struct application *app, const int32_t adc_raw[2], int32_t dac_raw[2])
 {
     const struct gyro_input input = {
@@ -116,8 +108,8 @@ static inline void application_sample(struct application *app, const int32_t adc
         atomic_load_explicit(&app->thermometer_raw, memory_order_relaxed),
     };
     struct gyro_output output = gyro_step(app->cfg, &app->gyro, &input);
-    dac_raw[0] = application_dac_code(app, output.drive_q31);
-    dac_raw[1] = application_dac_code(app, output.rebalance_q31);
+    dac_raw[0] = output.drive_q31 >> app->codes.dac_shift;
+    dac_raw[1] = output.rebalance_q31 >> app->codes.dac_shift;
     app->sample_counter++;
     if (app->burst.remaining != 0) {
         burst_add(&app->burst, adc_raw, dac_raw, input.thermometer_raw);

@@ -44,7 +44,10 @@ static const struct calibration_field fields[] = {
     SIGNED(gyro.thermometer.shift_max_q20, DEGC_Q20(-128), DEGC_Q20(128)),
     POLYNOMIAL(gyro.bias_rad_s_q31),
     POLYNOMIAL(gyro.scale_rad_s_q28),
+    POLYNOMIAL(gyro.rebalance_scale_rad_s_q28),
     POLYNOMIAL(gyro.decay_per_s_q22),
+    POLYNOMIAL(gyro.demodulation_phase_rad_q31),
+    POLYNOMIAL(gyro.drive_phase_rad_q31),
     SIGNED(angular_gain_q24, 1, INT64_C(4) << 24),
     WIDE(gyro.tuning.center_freq_u64, TURN_U64(256), TURN_U64(3)),
     WIDE(gyro.tuning.center_2cos_q40, -(INT64_C(1) << 41), INT64_C(1) << 41),
@@ -65,11 +68,16 @@ static const struct calibration_field fields[] = {
     SIGNED(gyro.drive.agc_integral_q24, 0, AGC_INTEGRAL_MAX_Q24),
     SIGNED(gyro.drive.amplitude_q30, AMPLITUDE_MIN_Q30, AMPLITUDE_MAX_Q30),
     SIGNED(gyro.drive.drive_max_q31, 1, DRIVE_MAX_Q31),
+    SIGNED(gyro.rebalance.proportional_q16, 0, REBALANCE_PROPORTIONAL_MAX_Q16),
+    SIGNED(gyro.rebalance.integral_q24, 0, REBALANCE_INTEGRAL_MAX_Q24),
+    SIGNED(gyro.rebalance.in_phase_limit_q31, 0, DRIVE_MAX_Q31),
+    SIGNED(gyro.rebalance.quadrature_limit_q31, 0, DRIVE_MAX_Q31),
     UNSIGNED(gyro.loop_delay_samples_q16, 0, 16 * 65536 - 1),
     SIGNED(gyro.monitor.phase_limit_i32, 1, INT32_C(1) << 30),
     SIGNED(gyro.monitor.amplitude_limit_q30, 1, FRACTION_Q30(2)),
     UNSIGNED(gyro.monitor.hold_ticks, 1, 1000000),
     SIGNED(gyro.monitor.adc_limit_q31, INT32_C(1) << 30, INT32_MAX),
+    UNSIGNED(gyro.loop, 0, GYRO_LOOP_COUNT - 1),
     UNSIGNED(gyro.compensation, 0, GYRO_COMPENSATION_COUNT - 1),
     UNSIGNED(gyro.output_filter, 0, OUTPUT_FILTER_COUNT - 1),
 };
@@ -140,6 +148,26 @@ static bool center_agrees(const struct decoupler_tuning *tuning)
            near(tuning->center_2cos_q40, (int64_t)tuning->center_cos_q31 * 1024, 1024);
 }
 
+/* Range: squares below 2^62, their sum below 2^63. */
+bool calibration_force_limits_fit(const struct rebalance_cfg *rebalance)
+{
+    int64_t in_phase = rebalance->in_phase_limit_q31;
+    int64_t quadrature = rebalance->quadrature_limit_q31;
+    return in_phase * in_phase + quadrature * quadrature <= DRIVE_MAX_Q31 * DRIVE_MAX_Q31;
+}
+
+bool calibration_can_rebalance(const struct gyro_cfg *gyro)
+{
+    return gyro->rebalance.proportional_q16 > 0 && gyro->rebalance.in_phase_limit_q31 > 0 &&
+           gyro->rebalance_scale_rad_s_q28.coef[0] != 0;
+}
+
+static bool rebalance_agrees(const struct gyro_cfg *gyro)
+{
+    return calibration_force_limits_fit(&gyro->rebalance) &&
+           (gyro->loop != GYRO_LOOP_REBALANCE || calibration_can_rebalance(gyro));
+}
+
 static bool fields_agree(const struct calibration *calibration)
 {
     const struct gyro_cfg *gyro = &calibration->gyro;
@@ -147,12 +175,13 @@ static bool fields_agree(const struct calibration *calibration)
     return gyro->acquisition.freq_start_u64 < gyro->acquisition.freq_end_u64 &&
            gyro->thermometer.shift_min_q20 < gyro->thermometer.shift_max_q20 &&
            near(gyro->lockin.normalise_q31, (INT64_C(4) << 31) / window, 1) && period_agrees(calibration) &&
-           center_agrees(&gyro->tuning);
+           center_agrees(&gyro->tuning) && rebalance_agrees(gyro);
 }
 
-/* What the block says once and the configuration holds twice. */
-static void spread(struct gyro_cfg *gyro)
+/* What the block says once and the configuration holds twice, and what the board adds. */
+static void spread(struct gyro_cfg *gyro, const struct hal_properties *board)
 {
+    gyro->dac_shift = 32 - board->dac_bits;
     gyro->acquisition.decimation = gyro->lockin.decimation;
     gyro->drive.freq_min_u64 = gyro->acquisition.freq_start_u64;
     gyro->drive.freq_max_u64 = gyro->acquisition.freq_end_u64;
@@ -174,7 +203,7 @@ enum reason calibration_parse(const uint8_t *block, size_t size, const struct ha
         reason = REASON_CALIBRATION_BOARD;
     }
     if (reason == REASON_OK) {
-        spread(&parsed.gyro);
+        spread(&parsed.gyro, board);
         *calibration = parsed;
     }
     return reason;

@@ -4,6 +4,7 @@
 #ifndef WINEGLASS_APPLICATION_CALIBRATION_H
 #define WINEGLASS_APPLICATION_CALIBRATION_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "application/reason.h"
@@ -12,7 +13,7 @@
 
 #define CALIBRATION_MAGIC      UINT32_C(0x42434757) /* "WGCB" */
 #define CALIBRATION_VERSION    1
-#define CALIBRATION_BYTES      288
+#define CALIBRATION_BYTES      392
 #define CALIBRATION_NAME_BYTES 16
 
 /* A block as the firmware holds it. */
@@ -32,6 +33,12 @@ struct calibration {
  * *calibration is written only when the answer is REASON_OK. */
 enum reason calibration_parse(const uint8_t *block, size_t size, const struct hal_properties *board,
                               struct calibration *calibration);
+
+/* The two parts of the rebalance force cannot leave 32 bit together. */
+bool calibration_force_limits_fit(const struct rebalance_cfg *rebalance);
+
+/* Gains, limits and scale factor of the rebalance loop are there. */
+bool calibration_can_rebalance(const struct gyro_cfg *gyro);
 
 /* The compiled-in block: 5 kHz at 50 kSa/s, Q = 1e4, no compensation. */
 extern const uint8_t calibration_default_block[CALIBRATION_BYTES];

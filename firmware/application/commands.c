@@ -109,6 +109,61 @@ static enum reason set_agc_gains(struct application *app, struct byte_reader *pa
     return reason;
 }
 
+static enum reason set_loop(struct application *app, struct byte_reader *payload)
+{
+    uint32_t loop = get_u32(payload);
+    bool possible = loop == GYRO_LOOP_OPEN || (loop == GYRO_LOOP_REBALANCE && calibration_can_rebalance(&app->calibration.gyro));
+    enum reason reason = configuration_is_free(app, possible);
+    if (reason == REASON_OK) {
+        app->calibration.gyro.loop = loop;
+    }
+    return reason;
+}
+
+static enum reason set_rebalance(struct application *app, struct byte_reader *payload)
+{
+    struct rebalance_cfg wanted;
+    wanted.proportional_q16 = get_i32(payload);
+    wanted.integral_q24 = get_i32(payload);
+    wanted.in_phase_limit_q31 = get_i32(payload);
+    wanted.quadrature_limit_q31 = get_i32(payload);
+    bool in_range = within(wanted.proportional_q16, 1, REBALANCE_PROPORTIONAL_MAX_Q16) &&
+                    within(wanted.integral_q24, 0, REBALANCE_INTEGRAL_MAX_Q24) &&
+                    within(wanted.in_phase_limit_q31, 1, DRIVE_MAX_Q31) &&
+                    within(wanted.quadrature_limit_q31, 0, DRIVE_MAX_Q31) && calibration_force_limits_fit(&wanted);
+    enum reason reason = configuration_is_free(app, in_range);
+    if (reason == REASON_OK) {
+        app->calibration.gyro.rebalance = wanted;
+    }
+    return reason;
+}
+
+static enum reason set_test_signal(struct application *app, struct byte_reader *payload)
+{
+    struct test_signal_cfg wanted;
+    wanted.in_phase_q31 = get_i32(payload);
+    wanted.quadrature_q31 = get_i32(payload);
+    wanted.freq_u32 = get_u32(payload);
+    bool in_range = within(wanted.in_phase_q31, -DRIVE_MAX_Q31, DRIVE_MAX_Q31) &&
+                    within(wanted.quadrature_q31, -DRIVE_MAX_Q31, DRIVE_MAX_Q31) &&
+                    within(wanted.freq_u32, 0, INT64_C(1) << 31);
+    enum reason reason = configuration_is_free(app, in_range);
+    if (reason == REASON_OK) {
+        app->calibration.gyro.test_signal = wanted;
+    }
+    return reason;
+}
+
+static enum reason set_phase_set_point(struct application *app, struct byte_reader *payload)
+{
+    int32_t phase_i32 = get_i32(payload);
+    enum reason reason = configuration_is_free(app, within(phase_i32, -PHASE_SET_POINT_MAX_I32, PHASE_SET_POINT_MAX_I32));
+    if (reason == REASON_OK) {
+        app->calibration.gyro.drive.phase_set_point_i32 = phase_i32;
+    }
+    return reason;
+}
+
 static enum reason set_output_filter(struct application *app, struct byte_reader *payload)
 {
     uint32_t choice = get_u32(payload);
@@ -234,6 +289,10 @@ static const struct command commands[] = {
     {COMMAND_DIVISORS, 4, set_divisors},
     {COMMAND_RAW_BURST, 4, raw_burst},
     {COMMAND_RESTART, 0, restart},
+    {COMMAND_LOOP, 4, set_loop},
+    {COMMAND_REBALANCE, 16, set_rebalance},
+    {COMMAND_TEST_SIGNAL, 12, set_test_signal},
+    {COMMAND_PHASE_SET_POINT, 4, set_phase_set_point},
     {COMMAND_CALIBRATION_UNLOCK, 4, calibration_unlock},
     {COMMAND_CALIBRATION_WRITE, ANY_LENGTH, calibration_write},
     {COMMAND_CALIBRATION_COMMIT, 4, calibration_commit},

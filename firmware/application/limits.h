@@ -11,8 +11,13 @@
 #define AGC_PROPORTIONAL_MAX_Q16 (INT64_C(1000) << 16) /* full force for an error of 1/1000 of full scale */
 #define AGC_INTEGRAL_MAX_Q24     (INT64_C(64) << 24)
 
+#define REBALANCE_PROPORTIONAL_MAX_Q16 (INT64_C(1000) << 16)
+#define REBALANCE_INTEGRAL_MAX_Q24     (INT64_C(64) << 24)
+
+#define PHASE_SET_POINT_MAX_I32 (INT64_C(1) << 29) /* 45 degrees */
+
 #define AMPLITUDE_MIN_Q30 (INT64_C(1) << 25)  /* 1/32 of full scale: rate needs a primary above 1/64 */
 #define AMPLITUDE_MAX_Q30 INT64_C(1052266988) /* 0.98: room for the overshoot */
-#define DRIVE_MAX_Q31     INT64_C(2147268900)               /* 0.9999: the force must not leave 32 bit, see core/gyro.c */
+#define DRIVE_MAX_Q31     INT64_C(2147268900) /* 0.9999: the force must not leave 32 bit, see core/gyro.c */
 
 #endif

@@ -46,12 +46,14 @@ void report_identity(struct application *app)
 
 static void put_settings(struct byte_writer *writer, struct application *app)
 {
+    put_u8(writer, (uint8_t)app->calibration.gyro.loop);
     put_u8(writer, (uint8_t)app->calibration.gyro.compensation);
     put_u8(writer, (uint8_t)app->calibration.gyro.output_filter);
     put_u16(writer, telemetry_baseband_divisor(&app->telemetry));
     put_u16(writer, telemetry_output_divisor(&app->telemetry));
     put_u8(writer, app->calibration_unlocked ? 1 : 0);
     put_u8(writer, burst_idle(&app->burst) ? 0 : 1);
+    put_u8(writer, 0);
 }
 
 static void put_counters(struct byte_writer *writer, struct application *app)

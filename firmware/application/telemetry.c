@@ -42,6 +42,8 @@ static void baseband_add(struct baseband_record *sum, const struct gyro_signals 
     sum->secondary_q += signals->secondary.q_q30;
     sum->drive_level += signals->drive_level_q31;
     sum->amplitude_set_point += signals->amplitude_set_point_q30;
+    sum->rebalance_in_phase += signals->rebalance_in_phase_q31;
+    sum->rebalance_quadrature += signals->rebalance_quadrature_q31;
     sum->freq_high += signals->freq_u64 >> 32;
     sum->freq_low += signals->freq_u64 & UINT32_MAX;
 }
@@ -52,6 +54,8 @@ static void output_add(struct output_record *sum, const struct gyro_signals *sig
     sum->bias += signals->bias_rad_s_q31;
     sum->rate += signals->rate_rad_s_q28;
     sum->rate_uncompensated += signals->rate_uncompensated_rad_s_q28;
+    sum->quadrature += signals->quadrature_rad_s_q28;
+    sum->angle = signals->angle_u64;
     sum->thermometer_raw = thermometer_raw;
 }
 
@@ -147,8 +151,8 @@ static void send_baseband(const struct baseband_record *record, struct sender *s
     put_u64(&writer, mean_u64(record->freq_high, record->freq_low, ticks));
     put_i32(&writer, mean_i32(record->drive_level, ticks));
     put_i32(&writer, mean_i32(record->amplitude_set_point, ticks));
-    put_i32(&writer, 0); /* rebalance force in phase and */
-    put_i32(&writer, 0); /* in quadrature: open loop has none */
+    put_i32(&writer, mean_i32(record->rebalance_in_phase, ticks));
+    put_i32(&writer, mean_i32(record->rebalance_quadrature, ticks));
     put_interval_status(&writer, &record->interval);
     sender_send(sender, hal, FRAME_BASEBAND, record->interval.sample_counter, writer);
 }
@@ -163,6 +167,8 @@ static void send_output(const struct output_record *record, struct sender *sende
     put_i32(&writer, mean_i32(record->bias, ticks));
     put_i32(&writer, mean_i32(record->rate, ticks));
     put_i32(&writer, mean_i32(record->rate_uncompensated, ticks));
+    put_i32(&writer, mean_i32(record->quadrature, ticks));
+    put_u64(&writer, record->angle);
     put_interval_status(&writer, &record->interval);
     sender_send(sender, hal, FRAME_OUTPUT, record->interval.sample_counter, writer);
 }

@@ -24,12 +24,14 @@ struct telemetry_interval {
 struct baseband_record {
     struct telemetry_interval interval;
     int64_t primary_i, primary_q, secondary_i, secondary_q, drive_level, amplitude_set_point;
+    int64_t rebalance_in_phase, rebalance_quadrature;
     uint64_t freq_high, freq_low;
 };
 
 struct output_record {
     struct telemetry_interval interval;
-    int64_t temperature_shift, bias, rate, rate_uncompensated;
+    int64_t temperature_shift, bias, rate, rate_uncompensated, quadrature;
+    uint64_t angle;          /* the last one */
     int32_t thermometer_raw; /* the last one */
 };
 

@@ -70,7 +70,7 @@ static int start(struct wg_device *device)
 int32_t wg_calibration_check(const struct wg_device_cfg *cfg, const uint8_t *block, size_t size)
 {
     struct calibration calibration;
-    struct hal_properties board = {.sample_rate_millihz = cfg->sample_rate_millihz};
+    struct hal_properties board = {.sample_rate_millihz = cfg->sample_rate_millihz, .dac_bits = cfg->dac_bits};
     return (int32_t)calibration_parse(block, size, &board, &calibration);
 }
 
@@ -197,10 +197,14 @@ void wg_device_get_signals(const struct wg_device *device, struct wg_device_sign
         .secondary_q_q30 = published->secondary.q_q30,
         .drive_level_q31 = published->drive_level_q31,
         .amplitude_set_point_q30 = published->amplitude_set_point_q30,
+        .rebalance_in_phase_q31 = published->rebalance_in_phase_q31,
+        .rebalance_quadrature_q31 = published->rebalance_quadrature_q31,
         .temperature_shift_q20 = published->temperature_shift_q20,
         .bias_rad_s_q31 = published->bias_rad_s_q31,
         .rate_rad_s_q28 = published->rate_rad_s_q28,
         .rate_uncompensated_rad_s_q28 = published->rate_uncompensated_rad_s_q28,
+        .quadrature_rad_s_q28 = published->quadrature_rad_s_q28,
+        .angle_u64 = published->angle_u64,
         .status = published->status,
     };
 }
@@ -226,7 +230,7 @@ int32_t wg_device_restore(struct wg_device *device, const uint8_t *bytes, size_t
 {
     struct snapshot snapshot;
     struct application *app = &device->app;
-    if (snapshot_read(bytes, size, &snapshot) != 0) {
+    if (snapshot_read(bytes, size, &snapshot) != 0 || snapshot.cfg.dac_shift != app->codes.dac_shift) {
         return -1;
     }
     app->cfgs[0] = app->cfgs[1] = snapshot.cfg;

@@ -36,10 +36,13 @@ struct wg_device_signals {
     int32_t primary_i_q30, primary_q_q30, secondary_i_q30, secondary_q_q30; /* of ADC full scale */
     int32_t drive_level_q31;        /* of DAC full scale */
     int32_t amplitude_set_point_q30;
+    int32_t rebalance_in_phase_q31, rebalance_quadrature_q31; /* of DAC full scale */
     int32_t temperature_shift_q20;  /* degC from the calibration temperature */
     int32_t bias_rad_s_q31;
     int32_t rate_rad_s_q28;
     int32_t rate_uncompensated_rad_s_q28;
+    int32_t quadrature_rad_s_q28;
+    uint64_t angle_u64;             /* sum of the compensated, unfiltered rate in Q28 rad/s, one term a slow tick, modulo 2^64 */
     uint32_t status;                /* bits of enum gyro_status, docs/SPEC.md */
 };
 

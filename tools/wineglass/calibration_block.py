@@ -31,13 +31,15 @@ NAME_BYTES = 16
 MAX_ORDER = 5
 SPAN_DEGC = 128
 
+LOOPS = ("open", "rebalance")
 COMPENSATIONS = ("none", "static", "g2")
 OUTPUT_FILTERS = ("none", "0.01", "0.025", "0.05", "0.1")
 
 _U32 = 2**32 - 1
 _AMPLITUDE_MAX_Q30 = 1052266988  # 0.98
 _DRIVE_MAX_Q31 = 2147268900  # 0.9999
-_POLYNOMIALS = {"bias_rad_s": 31, "scale_rad_s_per_ratio": 28, "decay_rate_per_s": 22}
+_POLYNOMIALS = {"bias_rad_s": 31, "scale_rad_s_per_ratio": 28, "rebalance_scale_rad_s_per_ratio": 28, "decay_rate_per_s": 22,
+                "demodulation_phase_rad": 31, "drive_phase_rad": 31}
 
 
 class Calibration(Section):
@@ -60,7 +62,10 @@ class Calibration(Section):
     temperature_max_degc: float = quantity(..., "degC", "upper end of the calibrated range")
     bias_rad_s: list[float] = quantity(..., "rad/s/degC^i", "bias that cross damping causes")
     scale_rad_s_per_ratio: list[float] = quantity(..., "rad/s/degC^i", "rate per secondary over primary amplitude, open loop")
+    rebalance_scale_rad_s_per_ratio: list[float] = quantity([0.0], "rad/s/degC^i", "rate per rebalance force over primary amplitude")
     decay_rate_per_s: list[float] = quantity(..., "1/s/degC^i", "decay rate of the secondary mode, zeta2 k2")
+    demodulation_phase_rad: list[float] = quantity([0.0], "rad/degC^i", "by which the secondary pickoff lags the primary")
+    drive_phase_rad: list[float] = quantity([0.0], "rad/degC^i", "by which both forces lag, beyond the loop delay")
     angular_gain: float = quantity(..., "1", "Coriolis coupling g", gt=0.0, le=4.0)
     pickoff_gain_ratio: float = quantity(1.0, "1", "secondary over primary pickoff gain", gt=0.0)
     nominal_frequency_hz: float = quantity(..., "Hz", "about this frequency the decoupling filter is tuned", gt=0.0)
@@ -78,11 +83,16 @@ class Calibration(Section):
     amplitude_set_point_fs: float = quantity(..., "FS", "amplitude of the primary, of ADC full scale", ge=1 / 32, le=_AMPLITUDE_MAX_Q30 / 2**30)
     drive_limit_fs: float = quantity(..., "FS", "largest drive force, of DAC full scale", gt=0.0,
                                     le=_DRIVE_MAX_Q31 / 2**31)
+    rebalance_kp: float = quantity(0.0, "FS/FS", "rebalance loop, force per amplitude", ge=0.0, le=1000.0)
+    rebalance_ki_per_s: float = quantity(0.0, "FS/FS/s", "rebalance loop, integral", ge=0.0)
+    rebalance_in_phase_limit_fs: float = quantity(0.0, "FS", "largest in-phase rebalance force", ge=0.0, le=_DRIVE_MAX_Q31 / 2**31)
+    rebalance_quadrature_limit_fs: float = quantity(0.0, "FS", "largest quadrature force", ge=0.0, le=_DRIVE_MAX_Q31 / 2**31)
     loop_delay_samples: float = quantity(..., "samples", "ADC delay, computation and DAC hold", ge=0.0, lt=16.0)
     lock_phase_limit_deg: float = quantity(..., "deg", "phase error within which the loop counts as locked", gt=0.0, le=90.0)
     lock_amplitude_limit: float = quantity(..., "1", "amplitude error within which it does, of the set-point", gt=0.0, le=0.51)
     lock_hold_s: float = quantity(..., "s", "time within limits before the loop counts as locked", gt=0.0)
     adc_limit_fs: float = quantity(..., "FS", "a pickoff beyond this counts as saturated", ge=0.5, lt=1.0)
+    loop: Literal["open", "rebalance"] = quantity("open", "", "open loop or force-to-rebalance after start-up")
     compensation: Literal["none", "static", "g2"] = quantity("none", "", "bias compensation after start-up")
     output_filter: Literal["none", "0.01", "0.025", "0.05", "0.1"] = quantity(
         "none", "", "corner of the output filter, of the slow tick's rate")
@@ -111,6 +121,11 @@ class Calibration(Section):
             raise ValueError("the frequencies must lie above 1/256 of the sample rate")
         if not max(self.search_max_hz, self.nominal_frequency_hz) < self.sample_rate_hz / 3:
             raise ValueError("the frequencies must lie below a third of the sample rate")
+        if math.hypot(self.rebalance_in_phase_limit_fs, self.rebalance_quadrature_limit_fs) > 0.9999:
+            raise ValueError("the root of the sum of the squares of both rebalance limits must not exceed 0.9999")
+        usable = self.rebalance_kp > 0.0 and self.rebalance_in_phase_limit_fs > 0.0 and self.rebalance_scale_rad_s_per_ratio[0] != 0.0
+        if self.loop == "rebalance" and not usable:
+            raise ValueError("loop rebalance needs rebalance_kp, rebalance_in_phase_limit_fs and rebalance_scale_rad_s_per_ratio")
         return self
 
     @property
@@ -204,9 +219,11 @@ LAYOUT: list[tuple[str, str]] = [
     ("search_min_u64", "Q"), ("search_max_u64", "Q"), ("chirp_ticks_log2", "I"), ("settle_ticks", "I"),
     ("listen_ticks_log2", "I"), ("audible_q30", "i"), ("acquisition_attempts", "I"),
     ("pll_proportional_q32", "I"), ("pll_integral_q32", "I"), ("agc_proportional_q16", "i"), ("agc_integral_q24", "i"),
-    ("amplitude_q30", "i"), ("drive_max_q31", "i"), ("loop_delay_samples_q16", "I"),
+    ("amplitude_q30", "i"), ("drive_max_q31", "i"),
+    ("rebalance_proportional_q16", "i"), ("rebalance_integral_q24", "i"), ("rebalance_in_phase_limit_q31", "i"),
+    ("rebalance_quadrature_limit_q31", "i"), ("loop_delay_samples_q16", "I"),
     ("phase_limit_i32", "i"), ("amplitude_limit_q30", "i"), ("hold_ticks", "I"), ("adc_limit_q31", "i"),
-    ("compensation", "I"), ("output_filter", "I"),
+    ("loop", "I"), ("compensation", "I"), ("output_filter", "I"),
     ("crc", "I"),
 ]
 _STRUCT = struct.Struct("<" + "".join(code for _, code in LAYOUT))
@@ -215,7 +232,7 @@ SIZE = _STRUCT.size
 _RANGES = {
     "chirp_ticks_log2": (2, 16), "settle_ticks": (1, 65535), "listen_ticks_log2": (2, 12), "hold_ticks": (1, 1_000_000),
     "pll_proportional_q32": (1, 2**29), "pll_integral_q32": (0, 2**29), "agc_proportional_q16": (1, 1000 * 2**16),
-    "agc_integral_q24": (0, 64 * 2**24), "coupling_gain_q44": (1, 2**31 - 1), "angular_gain_q24": (1, 4 * 2**24),
+    "agc_integral_q24": (0, 64 * 2**24), "rebalance_integral_q24": (0, 64 * 2**24), "coupling_gain_q44": (1, 2**31 - 1), "angular_gain_q24": (1, 4 * 2**24),
     "thermometer_gain_degc_q36": (1, 2**31 - 1), "shift_min_q20": (-(2**27), 2**27), "shift_max_q20": (-(2**27), 2**27),
     "phase_limit_i32": (1, 2**30), "amplitude_limit_q30": (1, 2**29), "drive_max_q31": (1, _DRIVE_MAX_Q31),
     "amplitude_q30": (2**25, _AMPLITUDE_MAX_Q30), "loop_delay_samples_q16": (0, 16 * 2**16 - 1),
@@ -253,6 +270,11 @@ def _check(name: str, number: int, code: str) -> None:
 def _fixed(value: float | Fraction, bits: int) -> int:
     """value 2^bits, rounded half to even."""
     return round(Fraction(value) * 2**bits)
+
+
+def _floor(value: float, bits: int) -> int:
+    """value 2^bits, rounded down: a limit is never exceeded."""
+    return math.floor(Fraction(value) * 2**bits)
 
 
 def _rate(calibration: Calibration) -> Fraction:
@@ -348,6 +370,10 @@ def _loops(c: Calibration) -> dict[str, int]:
             "agc_integral_q24": _fixed(Fraction(c.agc_ki_per_s) * loop_period, 24),
             "amplitude_q30": _fixed(c.amplitude_set_point_fs, 30),
             "drive_max_q31": _fixed(c.drive_limit_fs, 31),
+            "rebalance_proportional_q16": _fixed(c.rebalance_kp, 16),
+            "rebalance_integral_q24": _fixed(Fraction(c.rebalance_ki_per_s) * loop_period, 24),
+            "rebalance_in_phase_limit_q31": _floor(c.rebalance_in_phase_limit_fs, 31),
+            "rebalance_quadrature_limit_q31": _floor(c.rebalance_quadrature_limit_fs, 31),
             "loop_delay_samples_q16": _fixed(c.loop_delay_samples, 16)}
 
 
@@ -356,7 +382,7 @@ def _monitors(c: Calibration) -> dict[str, int]:
             "amplitude_limit_q30": _fixed(Fraction(c.lock_amplitude_limit) * Fraction(c.amplitude_set_point_fs), 30),
             "hold_ticks": round(Fraction(c.lock_hold_s) / _loop_period(c)),
             "adc_limit_q31": _clip(_fixed(c.adc_limit_fs, 31)),
-            "compensation": COMPENSATIONS.index(c.compensation), "output_filter": OUTPUT_FILTERS.index(c.output_filter)}
+            "loop": LOOPS.index(c.loop), "compensation": COMPENSATIONS.index(c.compensation), "output_filter": OUTPUT_FILTERS.index(c.output_filter)}
 
 
 def unpack(block: bytes, source: str = "calibration block") -> dict[str, Any]:
@@ -376,8 +402,8 @@ def unpack(block: bytes, source: str = "calibration block") -> dict[str, Any]:
 def from_binary(block: bytes, source: str = "calibration block") -> Calibration:
     """The calibration in SI, from the integers as they are."""
     n = unpack(block, source)
-    if n["compensation"] >= len(COMPENSATIONS) or n["output_filter"] >= len(OUTPUT_FILTERS):
-        raise BadInput("unknown compensation or output filter", source, "give a block of this version")
+    if n["loop"] >= len(LOOPS) or n["compensation"] >= len(COMPENSATIONS) or n["output_filter"] >= len(OUTPUT_FILTERS):
+        raise BadInput("unknown loop, compensation or output filter", source, "give a block of this version")
     if any(n[f"{name}_order"] > MAX_ORDER for name in _POLYNOMIALS):
         raise BadInput(f"a polynomial's order is beyond {MAX_ORDER}", source, "give a block of this version")
     return make({**_general_si(n), **_temperature_si(n), **_polynomials_si(n), **_tuning_si(n), **_acquisition_si(n),
@@ -388,7 +414,7 @@ def _general_si(n: dict[str, Any]) -> dict[str, Any]:
     name = n["device_name"].rstrip(b"\0").decode("ascii", "replace")
     return {"device_name": name, "serial": n["serial"], "sequence": n["sequence"], "created_unix_s": n["created_unix_s"],
             "sample_rate_hz": n["sample_rate_millihz"] / 1000, "decimation": n["decimation"], "loops_per_slow": n["loops_per_slow"],
-            "compensation": COMPENSATIONS[n["compensation"]], "output_filter": OUTPUT_FILTERS[n["output_filter"]]}
+            "loop": LOOPS[n["loop"]], "compensation": COMPENSATIONS[n["compensation"]], "output_filter": OUTPUT_FILTERS[n["output_filter"]]}
 
 
 def _temperature_si(n: dict[str, Any]) -> dict[str, Any]:
@@ -427,6 +453,10 @@ def _loops_si(n: dict[str, Any]) -> dict[str, Any]:
             "pll_ki_per_s2": float(Fraction(n["pll_integral_q32"], 2**32) * rate * loop_rate),
             "agc_kp": n["agc_proportional_q16"] / 2**16, "agc_ki_per_s": float(Fraction(n["agc_integral_q24"], 2**24) * loop_rate),
             "amplitude_set_point_fs": n["amplitude_q30"] / 2**30, "drive_limit_fs": n["drive_max_q31"] / 2**31,
+            "rebalance_kp": n["rebalance_proportional_q16"] / 2**16,
+            "rebalance_ki_per_s": float(Fraction(n["rebalance_integral_q24"], 2**24) * loop_rate),
+            "rebalance_in_phase_limit_fs": n["rebalance_in_phase_limit_q31"] / 2**31,
+            "rebalance_quadrature_limit_fs": n["rebalance_quadrature_limit_q31"] / 2**31,
             "loop_delay_samples": n["loop_delay_samples_q16"] / 2**16}
 
 
