@@ -4,13 +4,14 @@
 
 #define TWO_PI_Q28 INT64_C(1686629713)
 #define SIXTH_Q31 INT32_C(357913941)
+#define TWELFTH_Q31 INT32_C(178956971)
 #define DECAY_LIMIT_Q40 (INT64_C(1) << 33) /* 2^-7 a sample: eps < 2^-6, Q above 40 at 5 kHz and 50 kSa/s */
 #define OFFSET_LIMIT (INT64_C(1) << 55)    /* 2^-9 turn a sample, 0.0123 rad */
-#define OUTPUT_LIMIT_Q61 (INT64_C(1) << 61)
+#define GAIN_LIMIT_Q48 (INT64_C(1) << 30)    /* 2^-18 */
 
 void decoupler_reset(struct decoupler_state *state)
 {
-    *state = (struct decoupler_state){0, 0, 0};
+    *state = (struct decoupler_state){0, 0, 0, 0};
 }
 
 /* 2 cos(w0 + x) by series about w0, to 2^-38. Range: |offset| <= 2^55 units of 2^-64 turn, so |x| <= 2 pi 2^-9 < 2^-6.3:
@@ -49,20 +50,23 @@ static int64_t decay_per_sample_q40(const struct decoupler_tuning *tuning, int32
     return ((int64_t)decay_per_s_q22 * tuning->sample_period_q46) >> 28;
 }
 
-/* g w_b T (1 - exp(-d)) / d, with the last factor as 1 - d/2 + d^2/6. Range: 2^31 2^31 >> 27 = 2^35, clamped to 32 bit. */
-static int32_t input_gain_q48(const struct decoupler_tuning *tuning, int64_t d_q40, int32_t bias_rad_s_q31)
+/* g w_b T / 2 (1 - exp(-d)) / d, with the last factor as 1 - d/2 - d^2/12: the series' d^2/6, less the d^2/4 by which the filter's
+ * eps/2 for 1 - r lifts the gain. Range: 2^31 2^31 >> 28 = 2^34, clamped to 2^30; d in Q36 < 2^29, its square in Q40 < 2^26. */
+static int32_t input_gain_q48(const struct decoupler_tuning *tuning, int64_t d_q40, int32_t bias_rad_s_q31, bool *clamped)
 {
-    bool clamped = false;
-    int32_t gain_q48 = fixed_saturate_i32(fixed_round_shift((int64_t)bias_rad_s_q31 * tuning->coupling_gain_q44, 27), &clamped);
+    int64_t full_q48 = fixed_round_shift((int64_t)bias_rad_s_q31 * tuning->coupling_gain_q44, 28);
+    int32_t gain_q48 = (int32_t)fixed_clamp_i64(full_q48, -GAIN_LIMIT_Q48, GAIN_LIMIT_Q48, clamped);
     int64_t d_q36 = d_q40 >> 4;
-    int64_t loss_q40 = (d_q40 >> 1) - ((((d_q36 * d_q36) >> 32) * SIXTH_Q31) >> 31);
+    int64_t loss_q40 = (d_q40 >> 1) + ((((d_q36 * d_q36) >> 32) * TWELFTH_Q31) >> 31);
     int32_t loss_q31 = (int32_t)(loss_q40 >> 9);
     return gain_q48 - fixed_mul_q31(gain_q48, loss_q31);
 }
 
-int32_t decoupler_gain_q48(const struct decoupler_tuning *tuning, int32_t decay_per_s_q22, int32_t bias_rad_s_q31)
+/* Decay rates beyond the validity count as its limit, so that the series above keeps its range. */
+int32_t decoupler_gain_q48(const struct decoupler_tuning *tuning, int32_t decay_per_s_q22, int32_t bias_rad_s_q31, bool *overflow)
 {
-    return input_gain_q48(tuning, decay_per_sample_q40(tuning, decay_per_s_q22), bias_rad_s_q31);
+    int64_t d_q40 = fixed_clamp_i64(decay_per_sample_q40(tuning, decay_per_s_q22), 0, DECAY_LIMIT_Q40, overflow);
+    return input_gain_q48(tuning, d_q40, bias_rad_s_q31, overflow);
 }
 
 /* Range: d < 2^33 in Q40; d in Q36 < 2^29, squares in Q40 < 2^26, cubes < 2^19; a1 < 2 keeps Q30 within 32 bit. */
@@ -72,6 +76,11 @@ bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, 
     int64_t offset_u64 = (int64_t)(freq_u64 - tuning->center_freq_u64);
     int64_t d_q40 = decay_per_sample_q40(tuning, decay_per_s_q22);
     if (!within_tuning(offset_u64) || d_q40 <= 0 || d_q40 >= DECAY_LIMIT_Q40) {
+        return false;
+    }
+    bool clamped = false;
+    int32_t gain_q48 = input_gain_q48(tuning, d_q40, bias_rad_s_q31, &clamped);
+    if (clamped) {
         return false;
     }
     int64_t d_q36 = d_q40 >> 4;
@@ -85,27 +94,6 @@ bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, 
     coefs->a1_q30 = (int32_t)a1_q30;
     coefs->a1_low_q36 = (int32_t)fixed_round_shift(a1_q40 - a1_q30 * 1024, 4);
     coefs->eps_q36 = (int32_t)fixed_round_shift(eps_q40, 4);
-    coefs->gain_q48 = input_gain_q48(tuning, d_q40, bias_rad_s_q31);
+    coefs->gain_q48 = gain_q48;
     return true;
-}
-
-/* Range: |u| <= 2^31 2^31 >> 18 = 2^44 in Q61. With |y1|, |y2| <= 2^61: |v|, |w| <= 2^61 + 2^43, so the upper words fit
- * 30 bit; a1 v in Q59 <= 2^31 2^29.1 = 2^60.1, times 4 < 2^62.1; the sum is at most 2^62.1 + 2^61 + 2^45 < 2^63.
- * Rounding: one floor of 2^-61 and, of eps and a1_low, one of eps 2^-29; docs/NUMBERS.md has what reaches the output. */
-int32_t decoupler_step(const struct decoupler_coefs *coefs, struct decoupler_state *state, int32_t primary_q31, bool *overflow)
-{
-    int64_t u_q61 = ((int64_t)coefs->gain_q48 * primary_q31) >> 18;
-    int64_t v_q61 = state->y1_q61 - (state->u1_q61 >> 1);
-    int64_t w_q61 = state->y2_q61 - (u_q61 >> 2);
-    int32_t v_high_q29 = (int32_t)(v_q61 >> 32);
-    int32_t v_low_q60 = (int32_t)((uint32_t)v_q61 >> 1);
-    int32_t w_high_q29 = (int32_t)(w_q61 >> 32);
-    int64_t y_q61 = (int64_t)coefs->a1_q30 * v_high_q29 * 4 + (((int64_t)coefs->a1_q30 * v_low_q60) >> 29);
-    y_q61 += ((int64_t)coefs->a1_low_q36 * v_high_q29 + (int64_t)coefs->eps_q36 * w_high_q29) >> 4;
-    y_q61 += u_q61 - state->y2_q61;
-    y_q61 = fixed_clamp_i64(y_q61, -OUTPUT_LIMIT_Q61, OUTPUT_LIMIT_Q61, overflow);
-    state->y2_q61 = state->y1_q61;
-    state->y1_q61 = y_q61;
-    state->u1_q61 = u_q61;
-    return fixed_saturate_i32(fixed_round_shift(y_q61, 30), overflow);
 }

@@ -41,8 +41,20 @@ static inline int64_t fixed_clamp_i64(int64_t value, int64_t low, int64_t high, 
     return value;
 }
 
+/* Upper word, towards minus infinity. Through unsigned, so that 32-bit compilers see a register and not a 64-bit shift. */
+static inline int32_t fixed_high_word(int64_t value)
+{
+    return (int32_t)(uint32_t)((uint64_t)value >> 32);
+}
+
+/* Upper half of the product, Qa x Qb -> Q(a+b-32), floored: within half a unit more than fixed_mul_high, one instruction less. */
+static inline int32_t fixed_mul_high_floor(int32_t a, int32_t b)
+{
+    return fixed_high_word((int64_t)a * b);
+}
+
 /* Rounded upper half of the product, Qa x Qb -> Q(a+b-32).
- * Range: |a b| <= 2^62, plus 2^31 < 2^63; the result is within [-2^30 + 0, 2^30]. */
+ * Range: |a b| <= 2^62, plus 2^31 < 2^63; the result is within [-2^30 + 1, 2^30]. */
 static inline int32_t fixed_mul_high(int32_t a, int32_t b)
 {
     return (int32_t)(((int64_t)a * b + INT64_C(0x80000000)) >> 32);

@@ -69,7 +69,7 @@ static void add_amplitude(struct gyro_sum *sum, struct complex_q30 amplitude)
 static void follow_bias(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
     state->bias_rad_s_q31 = fixed_saturate_i32((int64_t)state->bias_rad_s_q31 + state->bias_step_q31, &state->overflow);
-    state->decoupler_coefs.gain_q48 = decoupler_gain_q48(&cfg->tuning, state->decay_per_s_q22, state->bias_rad_s_q31);
+    state->decoupler_coefs.gain_q48 = decoupler_gain_q48(&cfg->tuning, state->decay_per_s_q22, state->bias_rad_s_q31, &state->overflow);
 }
 
 static void measure_amplitudes(const struct gyro_cfg *cfg, struct gyro_state *state)

@@ -110,6 +110,8 @@ struct gyro_cfg fixture_cfg(const struct fixture_device *device)
         .hold_ticks = 500,
         .adc_limit_q31 = q(0.999, 31),
     };
+    cfg.rebalance = (struct rebalance_cfg){.in_phase_limit_q31 = q(0.7, 31), .quadrature_limit_q31 = q(0.7, 31)};
+    cfg.dac_shift = 16;
     cfg.compensation = device->compensation;
     cfg.calibration_valid = true;
     return cfg;
