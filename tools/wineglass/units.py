@@ -41,6 +41,7 @@ _TABLE = [
     Unit("kHz", "frequency", 1e3),
     Unit("FS", "full scale"),
     Unit("bits", "bits"),
+    Unit("LSB", "codes"),
 ]
 _ALIASES = {"°/s": "deg/s", "dps": "deg/s", "°/h": "deg/h", "dph": "deg/h", "°C": "degC", "µs": "us", "μs": "us"}
 

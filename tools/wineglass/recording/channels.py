@@ -20,6 +20,7 @@ _CHANNELS = [
     Channel("secondary_adc_raw", "raw", "FS", "secondary pickoff, of ADC full scale"),
     Channel("drive_dac_raw", "raw", "FS", "drive force, of drive DAC full scale"),
     Channel("rebalance_dac_raw", "raw", "FS", "rebalance force, of rebalance DAC full scale"),
+    Channel("thermometer_raw", "raw", "LSB", "thermometer code that the firmware had at this sample (-2^31: none)"),
     Channel("primary_in_phase", "baseband", "FS", "primary pickoff in phase with the demodulation reference"),
     Channel("primary_quadrature", "baseband", "FS", "primary pickoff in quadrature"),
     Channel("secondary_in_phase", "baseband", "FS", "secondary pickoff in phase"),

@@ -1,0 +1,108 @@
+"""Telemetry -> recording: the integers of the device as they are, with the scales and units of telemetry.conversions().
+
+    with RecordingWriter(path, meta) as writer:
+        telemetry_to_recording(data, writer)
+
+or, while the data arrive, TelemetryRecorder(writer).feed(data). Taps are declared when their first frame arrives.
+A baseband or output sample stands at the middle of the interval it is the mean of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from wineglass.recording import ChannelFormat, RecordingWriter, TapFormat
+from wineglass.telemetry import Chunk, Conversion, Decoder, Identity, RawSamples, SnapshotAssembler, conversions, raw_samples, worst_status
+
+_DTYPES = {"freq": "u8", "status": "u4"}
+
+
+class TelemetryRecorder:
+    """Feeds a RecordingWriter. Frames before the first identity frame wait for it."""
+
+    def __init__(self, writer: RecordingWriter, decoder: Decoder | None = None):
+        self.decoder = decoder or Decoder()
+        self.identity: Identity | None = None
+        self.ignored_frames = 0
+        """means over another interval than the tap's first one, or over time before the device started"""
+        self._writer = writer
+        self._intervals: dict[str, int] = {}
+        self._snapshots = SnapshotAssembler()
+        self._waiting: list = []
+
+    def feed(self, data: bytes) -> None:
+        frames = self.decoder.feed(data)
+        for record in frames.identity:
+            self._meet(Identity.of(record))
+        self._waiting.append(frames)
+        if self.identity is None:
+            return
+        for waiting in self._waiting:
+            self._means("baseband", waiting.baseband)
+            self._means("output", waiting.output)
+            self._snapshots.feed(waiting.snapshot)
+            self._raw(waiting.raw)
+        self._waiting.clear()
+
+    def _meet(self, identity: Identity) -> None:
+        if self.identity is None:
+            self.identity = identity
+            self._conversions = conversions(identity)
+
+    def _means(self, tap: str, records: np.ndarray) -> None:
+        if len(records) == 0:
+            return
+        interval = self._intervals.get(tap) or self._declare(tap, int(records["interval_samples"][0]))
+        first = records["sample_counter"].astype(np.int64) - interval // 2
+        kept = (records["interval_samples"] == interval) & (first >= 0)
+        self.ignored_frames += int(np.count_nonzero(~kept))
+        records, first = records[kept], first[kept]
+        breaks = np.flatnonzero(np.diff(first) != interval) + 1
+        columns = {name: _column(records, conversion) for name, conversion in self._conversions[tap].items()}
+        for begin, end in zip([0, *breaks], [*breaks, len(records)], strict=True):
+            if end > begin:
+                self._writer.append(tap, {name: column[begin:end] for name, column in columns.items()}, int(first[begin]))
+
+    def _declare(self, tap: str, interval_samples: int) -> int:
+        assert self.identity is not None
+        form = {name: ChannelFormat(_DTYPES.get(conversion.field, "i4"), conversion.scale, conversion.offset)
+                for name, conversion in self._conversions[tap].items()}
+        self._writer.add_tap(tap, TapFormat(self.identity.sample_rate_hz / interval_samples, form))
+        self._intervals[tap] = interval_samples
+        return interval_samples
+
+    def _raw(self, chunks: list[Chunk]) -> None:
+        for chunk in chunks:
+            samples = raw_samples(chunk)
+            if samples is None or samples.first_sample < 0 or len(samples.codes) == 0:
+                self.ignored_frames += 1
+                continue
+            if "raw" not in self._intervals:
+                self._declare("raw", 1)
+            self._append_raw(samples)
+
+    def _append_raw(self, samples: RawSamples) -> None:
+        names = ("primary_adc_raw", "secondary_adc_raw", "drive_dac_raw", "rebalance_dac_raw")
+        columns = {name: samples.codes[:, i] for i, name in enumerate(names)}
+        columns["thermometer_raw"] = np.full(len(samples.codes), samples.thermometer_raw, np.int32)
+        snapshot = (self._snapshots.take(samples.first_sample) or b"") if samples.first else None
+        self._writer.append("raw", columns, samples.first_sample, state_snapshot=snapshot)
+        if samples.cut:
+            self._writer.event("raw_burst_cut", "the link was too slow", sample=samples.first_sample + len(samples.codes))
+
+
+def _column(records: np.ndarray, conversion: Conversion) -> np.ndarray:
+    return worst_status(records) if conversion.field == "status" else records[conversion.field]
+
+
+def telemetry_to_recording(data: bytes, writer: RecordingWriter, progress: Callable[[int], None] | None = None) -> TelemetryRecorder:
+    """Whole telemetry at once. progress(bytes done) is called now and then; the recorder's statistics come back."""
+    recorder = TelemetryRecorder(writer)
+    step = 1 << 22
+    for at in range(0, len(data), step):
+        recorder.feed(data[at:at + step])
+        if progress is not None:
+            progress(min(at + step, len(data)))
+    return recorder
