@@ -46,7 +46,7 @@ def _scatter(axes: Any, x: np.ndarray, y: np.ndarray, branches: list[Branch], la
 
 
 def _rate_over_temperature(axes: Any, sweep: Sweep, result: AxisResult, branches: list[Branch], reference_degc: float) -> None:
-    rate = 1e3 * result_rate(sweep, result)
+    rate = 1e3 * sweep.rate_rad_s[result.axis]
     _scatter(axes, sweep.temperature_degc, rate, branches, [_label(branch, sweep) for branch in branches])
     grid = np.linspace(sweep.temperature_degc.min(), sweep.temperature_degc.max(), 300)
     axes.plot(grid, 1e3 * float64_bias(result.coefficients, grid - reference_degc), "k-", linewidth=1.5, label="cubic")
@@ -61,13 +61,9 @@ def _residual_over_temperature(axes: Any, sweep: Sweep, result: AxisResult, bran
 def _residual_over_time(axes: Any, sweep: Sweep, result: AxisResult, branches: list[Branch]) -> None:
     _scatter(axes, sweep.time_s / 60.0, 1e3 * result.residual_rad_s, branches)
     axes.axvline(sweep.time_s[int(np.argmax(sweep.temperature_degc))] / 60.0, color="k", linestyle="--", linewidth=1)
-    axes.set(title=f"{result.axis}: residual; after the dashed line held out: {_split_text(result, 'after the maximum held out', False)}",
-             xlabel="time [min]", ylabel="residual [mrad/s]")
-    axes.title.set_fontsize(10)
-
-
-def result_rate(sweep: Sweep, result: AxisResult) -> np.ndarray:
-    return sweep.rate_rad_s[result.axis]
+    held_out = _split_text(result, "after the maximum held out", False)
+    axes.set(title=f"{result.axis}: residual\n(held out from the dashed line on: {held_out})", xlabel="time [min]",
+             ylabel="residual [mrad/s]")
 
 
 def _split_text(result: AxisResult, name: str, with_word: bool = True) -> str:

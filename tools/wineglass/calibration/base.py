@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from scipy.signal import besselap
 
 from wineglass import calibration_block, device
 from wineglass.atomic import write_bytes, write_text
@@ -43,6 +44,16 @@ class Base:
         """Scale factor [rad/s per unit of ratio] that the firmware applies at each temperature (n,)."""
         return self._law(self.calibration.scale_rad_s_per_ratio, temperature_degc)
 
+    @property
+    def delay_s(self) -> float:
+        """Delay of the output filter for slow signals: fourth-order Bessel (firmware/core/output_filter.h), corner at -3 dB."""
+        name = self.calibration.output_filter
+        if name == "none":
+            return 0.0
+        _, poles, _ = besselap(4, norm="mag")
+        corner_hz = float(name) * self.calibration.slow_rate_hz
+        return float(np.sum(-1.0 / poles).real) / (2.0 * np.pi * corner_hz)
+
     def _law(self, coefficients: list[float], temperature_degc: np.ndarray) -> np.ndarray:
         return Polynomial(coefficients)(temperature_degc - self.calibration.reference_temperature_degc)
 
@@ -70,7 +81,7 @@ def nominal_calibration(described: Device) -> Calibration:
     from wineglass import nominal
     from wineglass.scenario import Scenario, prepare
 
-    return calibration_block.from_binary(nominal.block(prepare(Scenario(), described)))
+    return nominal.calibration(prepare(Scenario(), described))
 
 
 def calibrated(base: Base, found: Identified, add_to_base: bool) -> Calibration:
@@ -83,6 +94,7 @@ def calibrated(base: Base, found: Identified, add_to_base: bool) -> Calibration:
         "temperature_min_degc": found.temperature_min_degc,
         "temperature_max_degc": found.temperature_max_degc,
         "sequence": base.calibration.sequence + 1,
+        **({} if base.described else {"device_name": "", "serial": 0}),
         "created_unix_s": int(time.time()),
     }
     if found.order and not found.temperature_min_degc < found.temperature_max_degc:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wineglass.calibration.branches import Branch, find_branches
-from wineglass.calibration.lag import OnePole
+from wineglass.calibration.lag import Lag
 from wineglass.calibration.model import Basis, Model, Terms, fit
 from wineglass.calibration.noise import Interval, LeastSquares
 from wineglass.calibration.observations import Observations
@@ -35,6 +35,8 @@ class Settings:
     min_span_degc: float = MIN_SPAN_DEGC
     tau_s: Callable[[np.ndarray], np.ndarray] | None = None
     gain: Callable[[np.ndarray], np.ndarray] | None = None
+    delay_s: float = 0.0
+    """of the output filter, for rate channels"""
 
 
 @dataclass(frozen=True)
@@ -126,7 +128,11 @@ def _model(data: Observations, settings: Settings) -> Model:
         shift_degc=shift,
         true_rate_rad_s=none if data.true_rate_rad_s is None else data.true_rate_rad_s,
         gain=gain,
-        lag=OnePole(data.time_s, none if settings.tau_s is None else settings.tau_s(data.temperature_degc)),
+        lag=Lag(
+            data.time_s,
+            none if settings.tau_s is None else settings.tau_s(data.temperature_degc),
+            0.0 if data.is_ratio else settings.delay_s,
+        ),
     )
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial
 
-from wineglass.calibration.lag import OnePole
+from wineglass.calibration.lag import Lag
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Model:
     shift_degc: np.ndarray
     true_rate_rad_s: np.ndarray
     gain: np.ndarray
-    lag: OnePole
+    lag: Lag
 
     def evaluate(self, terms: Terms, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(prediction (n,), its derivatives (n, terms.count)); theta: bias terms, then scale terms."""

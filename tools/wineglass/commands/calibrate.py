@@ -81,6 +81,7 @@ def _settings(args: argparse.Namespace, base: Base, loop: str) -> Settings:
         min_span_degc=args.min_span,
         tau_s=base.tau_s if lagging else None,
         gain=base.gain if lagging else None,
+        delay_s=base.delay_s if base.described else 0.0,
     )
 
 
