@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from wineglass.calibration_block import Calibration, make, read_json
+from wineglass.calibration_block import Calibration, from_binary, make, read_json
 from wineglass.device import Device
+from wineglass.errors import BadInput
 from wineglass.scenario import Run
 
 MAX_ORDER = 5
@@ -105,8 +107,16 @@ def calibration(run: Run) -> Calibration:
 
 
 def from_file(run: Run, path: str) -> Calibration:
-    """A calibration file, set up for the run's mode."""
-    return read_json(path).with_changes(compensation=run.scenario.mode.compensation, output_filter=run.output_filter)
+    """A calibration file (.json, or .bin as the firmware reads it), set up for the run's mode."""
+    found = from_binary(_bytes_of(path), path) if path.endswith(".bin") else read_json(path)
+    return found.with_changes(compensation=run.scenario.mode.compensation, output_filter=run.output_filter)
+
+
+def _bytes_of(path: str) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise BadInput(f"cannot read the calibration: {error.strerror}", path, "give the path of a calibration file") from None
 
 
 def _temperature(device: Device) -> dict[str, Any]:

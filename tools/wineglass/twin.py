@@ -143,6 +143,10 @@ class Twin:
         if library().wg_device_command_write(self._open_device(), message, len(message)) != 0:
             raise MemoryError("no room for the command")
 
+    def poll(self) -> None:
+        """Let the firmware's background run once, e.g. so that a command counts from the next sample on."""
+        library().wg_device_poll(self._open_device())
+
     def truth(self) -> Truth:
         truth = ffi.new("struct twin_truth *")
         library().twin_truth(self._open(), truth)
