@@ -90,7 +90,7 @@ def test_holding_force_makes_the_amplitude():
         ({"thermal.shell_time_constant_s": -1}, ["shell_time_constant_s"]),
         ({"electronics.adc.bits": 40}, ["adc.bits"]),
         ({"electronics.adc.bits": 16.5}, ["adc.bits"]),
-        ({"electronics.sample_rate_hz": 8000}, ["sample rate"]),
+        ({"electronics.sample_rate_hz": 500_000}, ["sample rate"]),
         ({"electronics.sample_rate_hz": 50001}, ["whole number of slow ticks"]),
         ({"firmware.pll_bandwidth_hz": 190, "firmware.decimation": 20}, ["too fast"]),
         ({"tolerance.q": {"relative": 0.1, "why": "test"}}, ["no number of this description"]),
