@@ -47,10 +47,18 @@ def _edges(times_s: list[float], values: list[float], start: float, edge_s: floa
     return _Knots(knot_times, knot_values)
 
 
+class _Profile(Section):
+    @property
+    def boundaries_s(self) -> list[float]:
+        """Times at which the profile goes over into another segment [s]; none where it has no knots."""
+        knots = getattr(self, "knots", None)
+        return [] if knots is None else [float(time) for time in knots.times_s]
+
+
 # --- temperature ---------------------------------------------------------------------------------------------------
 
 
-class _Temperature(Section):
+class _Temperature(_Profile):
     acts_on: Literal["chamber", "shell"] = Field(
         "chamber", description="chamber: the shell follows with its lag; shell: the shell's own temperature is imposed")
 
@@ -181,7 +189,7 @@ Temperature = Annotated[
 # --- rate ----------------------------------------------------------------------------------------------------------
 
 
-class _Rate(Section):
+class _Rate(_Profile):
     def at(self, t_s: np.ndarray) -> np.ndarray:
         """Rate [rad/s], shape of t_s."""
         raise NotImplementedError

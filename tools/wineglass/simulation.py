@@ -1,0 +1,194 @@
+"""A scenario through the twin into a recording: the device's telemetry by the one decoder, and the bench's references beside it."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from wineglass.calibration_block import from_binary, to_json
+from wineglass.commands_wire import CommandEncoder, Reason
+from wineglass.recording import RecordingMeta, RecordingWriter, TapFormat, float_format
+from wineglass.scenario import Run
+from wineglass.telemetry import Decoder, Frames, Identity
+from wineglass.telemetry_recording import TelemetryRecorder
+from wineglass.twin import Block, Twin
+from wineglass.wire import Status
+
+REFERENCE_CHANNELS = ("true_rate", "chamber_temperature", "shell_temperature")
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a simulation did. locked_at_end: None when no status was recorded"""
+
+    path: str
+    scenario: str
+    device: str
+    seed: int
+    simulated_s: float
+    elapsed_s: float
+    samples_per_s: float
+    locked_at_end: bool | None
+    interrupted: bool
+    warnings: list[str]
+
+
+class _Listener(Decoder):
+    """The decoder, remembering answers and the latest status."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.refused: list[str] = []
+        self.status: int | None = None
+
+    def feed(self, data: bytes) -> Frames:
+        frames = super().feed(data)
+        self.refused += [Reason(int(ack["reason"])).name.lower() for ack in frames.ack if ack["reason"] != Reason.OK]
+        for records in (frames.baseband, frames.output):
+            if len(records):
+                self.status = int(records["status_and"][-1])
+        return frames
+
+
+def simulate(run: Run, path: Path, progress: Callable[[int], None] | None = None, *, calibration_block: bytes | None = None) -> Done:
+    """Run a scenario and write the recording; memory does not grow with its length. progress(blocks done since the last call).
+
+    Ctrl-C ends the run early and leaves a valid recording of what was done; any other trouble leaves no file.
+    """
+    begin = time.monotonic()
+    listener = _Listener()
+    with Twin(run, calibration_block=calibration_block) as twin:
+        first = _start(twin)
+        with RecordingWriter(path, _meta(run, twin, first)) as writer, _interrupt_noted() as interrupted:
+            recorder, references = TelemetryRecorder(writer, listener), _References(run, writer)
+            recorder.feed(first)
+            _note_events(run, writer)
+            for block in _stretches(twin):
+                recorder.feed(twin.telemetry())
+                references.add(block)
+                if progress is not None:
+                    progress(len(block.shell_degc))
+                if interrupted():
+                    writer.event("interrupted", "by the user", sample=twin.samples_done)
+                    break
+        truth = twin.truth()
+    elapsed = time.monotonic() - begin
+    locked = None if listener.status is None else bool(listener.status & Status.LOCKED)
+    return Done(str(path), run.scenario.name, run.device.name, run.scenario.seed, truth.time_s, elapsed, truth.samples / elapsed, locked,
+                interrupted(), _warnings(run, listener, locked, truth.adc_saturations))
+
+
+def _start(twin: Twin) -> bytes:
+    """Frame rates set before the first sample; returns the first telemetry, with the device's identity."""
+    recording, encoder = twin.run.scenario.recording, CommandEncoder()
+    twin.command(encoder.divisors(twin.run.divisor(recording.baseband_hz), twin.run.divisor(recording.output_hz)))
+    twin.poll()
+    return twin.telemetry()
+
+
+def _meta(run: Run, twin: Twin, first: bytes) -> RecordingMeta:
+    identity = Identity.of(Decoder().feed(first).identity[0])
+    block = twin.calibration_block
+    scenario = run.scenario
+    return RecordingMeta(
+        counter_rate_hz=run.device.electronics.sample_rate_hz,
+        device_toml=run.device.to_toml(),
+        calibration_json=to_json(from_binary(block)) if block else "",
+        calibration_block=block,
+        firmware_version=identity.firmware_version,
+        source=f"simulated: scenario {scenario.name or '(unnamed)'}, device {run.device.name}, seed {scenario.seed}",
+    )
+
+
+def _note_events(run: Run, writer: RecordingWriter) -> None:
+    rate_hz = run.device.electronics.sample_rate_hz
+    writer.event("scenario", run.scenario.model_dump_json(exclude_none=True), sample=0)
+    for what, profile in (("temperature", run.scenario.temperature), ("rate", run.scenario.rate)):
+        for time_s in profile.boundaries_s:
+            if 0 < time_s < run.scenario.duration_s:
+                writer.event("segment", what, sample=round(time_s * rate_hz))
+
+
+def _stretches(twin: Twin) -> Iterator[Block]:
+    """The whole run in pieces, asking for each raw burst at its time."""
+    run, encoder = twin.run, CommandEncoder(first_sequence=1)
+    for burst in sorted(run.scenario.recording.bursts, key=lambda item: item.time_s):
+        yield from twin.chunks(max(0, round(burst.time_s * run.device.slow_rate_hz) - twin.blocks_done))
+        twin.command(encoder.raw_burst(burst.samples))
+        twin.poll()
+    yield from twin.chunks()
+
+
+class _References:
+    """True rate and temperatures, means over the reference interval, each standing at the middle of its interval."""
+
+    def __init__(self, run: Run, writer: RecordingWriter):
+        self._writer = writer
+        self._block_samples = run.device.block_samples
+        self._divisor = run.divisor(run.scenario.recording.reference_hz)
+        self._last = np.array([run.initial_degc, run.initial_degc])  # chamber, shell at the end of the block before
+        self._waiting = np.empty((3, 0))
+        self._intervals = 0
+        if self._divisor:
+            form = {name: float_format() for name in REFERENCE_CHANNELS}
+            writer.add_tap("reference", TapFormat(run.device.slow_rate_hz / self._divisor, form))
+
+    def add(self, block: Block) -> None:
+        if not self._divisor:
+            return
+        self._waiting = np.concatenate([self._waiting, self._middles(block)], axis=1)
+        count = self._waiting.shape[1] // self._divisor
+        if count == 0:
+            return
+        whole, self._waiting = np.split(self._waiting, [count * self._divisor], axis=1)
+        means = whole.reshape(3, count, self._divisor).mean(axis=2)
+        samples = self._divisor * self._block_samples
+        self._writer.append("reference", dict(zip(REFERENCE_CHANNELS, means, strict=True)), self._intervals * samples + samples // 2)
+        self._intervals += count
+
+    def _middles(self, block: Block) -> np.ndarray:
+        """Rate, chamber and shell at the middle of each block, (3, n)."""
+        ends = np.stack([block.chamber_degc, block.shell_degc])
+        before = np.concatenate([self._last[:, None], ends[:, :-1]], axis=1)
+        self._last = ends[:, -1]
+        return np.concatenate([block.true_rate_rad_s[None], 0.5 * (before + ends)])
+
+
+def _warnings(run: Run, listener: _Listener, locked: bool | None, adc_saturations: int) -> list[str]:
+    warnings = [f"the firmware refused a command: {reason}" for reason in listener.refused]
+    if locked is False:
+        warnings.append("the drive loop is not locked at the end")
+    if adc_saturations:
+        warnings.append(f"{adc_saturations} ADC codes were clipped")
+    statistics = listener.statistics
+    damaged = statistics.bad_packets + statistics.bad_crc + statistics.unknown + statistics.lost_frames
+    if damaged:
+        warnings.append(f"{damaged} telemetry frames were lost or damaged")
+    return warnings
+
+
+@contextmanager
+def _interrupt_noted() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C is noted instead of raised; yields a function that says whether it came. Outside the main thread nothing changes."""
+    noted = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield noted.is_set
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        noted.set()
+
+    before: Any = signal.signal(signal.SIGINT, note)
+    try:
+        yield noted.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)
