@@ -67,7 +67,7 @@ static bool below_curve(const struct noise_table *table, struct noise_state *sta
 }
 
 /* Draw until accepted, starting with one that was not accepted at once (about 1 in 80). */
-static double __attribute__((noinline, cold))
+static double __attribute__((noinline))
 redraw(const struct noise_table *table, struct noise_state *state, size_t layer, double x)
 {
     for (;;) {
@@ -93,7 +93,7 @@ void noise_gaussian(const struct noise_table *table, struct noise_state *state, 
         uint64_t bits = noise_next(&local);
         size_t layer = bits % NOISE_LAYERS;
         double x = (double)((int64_t)bits >> 11) * table->layer[layer].width;
-        if (__builtin_expect(fabs(x) >= table->layer[layer].inner, 0)) {
+        if (fabs(x) >= table->layer[layer].inner) {
             *state = local;
             x = redraw(table, state, layer, x);
             local = *state;
