@@ -16,7 +16,8 @@ if(NOT DEFINED wineglass_processor_${WINEGLASS_BOARD})
   message(FATAL_ERROR "WINEGLASS_BOARD is \"${WINEGLASS_BOARD}\"; known are mps2-an386 and mps2-an500")
 endif()
 
-# No floating point anywhere in the firmware, so no floating-point registers either.
+# No floating point anywhere in the firmware, so no floating-point registers either. The compiler writes the call graph with the
+# stack of every function beside its objects (*.ci).
 set(CMAKE_C_FLAGS_INIT
-  "-mcpu=${wineglass_processor_${WINEGLASS_BOARD}} -mthumb -mfloat-abi=soft -ffunction-sections -fdata-sections")
+  "-mcpu=${wineglass_processor_${WINEGLASS_BOARD}} -mthumb -mfloat-abi=soft -ffunction-sections -fdata-sections -fcallgraph-info=su")
 set(CMAKE_EXE_LINKER_FLAGS_INIT "--specs=nano.specs -nostartfiles -Wl,--gc-sections")

@@ -138,12 +138,18 @@ static int32_t clamp_code(int32_t code, uint32_t shift)
     return code > high ? high : code < -high - 1 ? -high - 1 : code;
 }
 
+/* What the interrupt of a board would do, as one function so that it can be watched. */
+__attribute__((noinline)) static void device_sample(struct device *device, const int32_t adc[2], int32_t dac[2])
+{
+    application_sample(&device->app, adc, dac);
+}
+
 void device_run(struct device *device, size_t n, const int32_t *adc, int32_t *dac)
 {
     uint32_t shift = device->app.codes.adc_shift;
     for (size_t i = 0; i < n; i++) {
         const int32_t codes[2] = {clamp_code(adc[2 * i], shift), clamp_code(adc[2 * i + 1], shift)};
-        application_sample(&device->app, codes, &dac[2 * i]);
+        device_sample(device, codes, &dac[2 * i]);
         device->samples_to_poll--;
         if (device->samples_to_poll == 0) {
             device->samples_to_poll = poll_interval(device);

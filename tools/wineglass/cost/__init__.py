@@ -1,0 +1,1 @@
+"""What the firmware costs on the processor: instructions executed, flash, memory, stack. Counted, not estimated."""
