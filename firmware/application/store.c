@@ -4,6 +4,7 @@
 #include "application/crc32.h"
 
 #define WINDOW_BYTES 32 /* the largest program unit; a sector is read and programmed in such pieces */
+#define SEAL_WORDS_BYTES 12 /* magic, sequence, size */
 
 static uint32_t seal_offset(const struct hal *hal)
 {
@@ -21,10 +22,10 @@ static void build_seal(uint32_t sequence, uint32_t size, uint32_t record_crc, ui
     put_u32(&writer, STORE_MAGIC);
     put_u32(&writer, sequence);
     put_u32(&writer, size);
-    put_u32(&writer, crc32_update(record_crc, seal, 12));
-    for (unsigned i = 16; i < STORE_SEAL_BYTES; i++) {
+    for (unsigned i = SEAL_WORDS_BYTES; i < STORE_SEAL_BYTES - 4; i++) {
         put_u8(&writer, 0xFF);
     }
+    put_u32(&writer, crc32_update(record_crc, seal, SEAL_WORDS_BYTES));
 }
 
 static bool record_crc(const struct hal *hal, uint32_t sector, uint32_t size, uint32_t *crc)
@@ -106,7 +107,7 @@ static int program(const struct hal *hal, uint32_t sector, uint32_t offset, cons
     for (uint32_t done = 0; done < size && status == HAL_OK; done += WINDOW_BYTES) {
         uint32_t count = smaller(WINDOW_BYTES, size - done);
         uint32_t padded = (count + unit - 1) / unit * unit;
-        for (uint32_t i = 0; i < padded; i++) {
+        for (uint32_t i = 0; i < WINDOW_BYTES; i++) { /* the whole window: the compiler then sees the bound */
             window[i] = i < count ? bytes[done + i] : 0xFF;
         }
         status = hal->store_program(hal->context, sector, offset + done, window, padded);

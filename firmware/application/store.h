@@ -1,10 +1,10 @@
 /* One record in two flash sectors that survives the loss of power at any moment.
  *
  *   sector: | record bytes, padded with 0xFF | ... | seal in the sector's last 32 bytes |
- *   seal:   magic, sequence, size, CRC-32 of the record bytes and of the first three words; the rest 0xFF
+ *   seal:   magic, sequence, size, 0xFF …, and in the last word the CRC-32 of the record bytes and of the first three words
  *
- * A new record goes to the sector that does not hold the newest sound one; its seal is programmed last, so until the very last
- * program step is done the old record stays the newest. */
+ * A new record goes to the sector that does not hold the newest sound one; its seal is programmed last, and the seal's
+ * last word last of all, so until then the old record stays the newest. */
 #ifndef WINEGLASS_APPLICATION_STORE_H
 #define WINEGLASS_APPLICATION_STORE_H
 
