@@ -55,8 +55,13 @@ class Resonator(Section):
         return self.q * (1.0 + self.q_slope_per_degc * below + self.q_slope_above_knee_per_degc * above)
 
     def decay_rate_at(self, temperature_degc: np.ndarray | float) -> Any:
-        """Decay rate zeta k = pi f / Q [1/s] of the amplitude, any shape."""
+        """Decay rate zeta k = pi f / Q [1/s] of the amplitude, mean of both modes, any shape."""
         return np.pi * self.frequency_at(temperature_degc) / self.q_at(temperature_degc)
+
+    def secondary_decay_rate_at(self, temperature_degc: np.ndarray | float) -> Any:
+        """Decay rate zeta2 k2 [1/s] of the secondary mode, any shape."""
+        unequal = 0.5 * self.damping_mismatch * math.cos(2.0 * math.radians(self.damping_axis_deg))
+        return self.decay_rate_at(temperature_degc) * (1.0 - unequal)
 
     def cross_damping_at(self, temperature_degc: np.ndarray | float) -> Any:
         """Cross damping as a rate [rad/s], any shape."""

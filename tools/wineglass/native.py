@@ -13,6 +13,7 @@ import numpy as np
 from cffi import FFI
 
 from wineglass import paths
+from wineglass.errors import BadInput
 
 HEADERS = ("hal/host/wineglass_device.h", "sim/resonator.h", "sim/thermal.h", "sim/electronics.h", "sim/twin.h")
 BEGIN, END = "/* cdef begin */", "/* cdef end */"
@@ -35,7 +36,11 @@ ffi.cdef(_declarations())
 @cache
 def library() -> Any:
     """The loaded library. BadInput when it has not been built."""
-    return ffi.dlopen(str(paths.twin_library()))
+    path = paths.twin_library()
+    try:
+        return ffi.dlopen(str(path))
+    except OSError as error:
+        raise BadInput(f"the twin library cannot be loaded ({str(error).splitlines()[0]})", path, "build it again") from None
 
 
 def pointer(array: np.ndarray | None, ctype: str) -> Any:

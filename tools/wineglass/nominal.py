@@ -15,6 +15,7 @@ from wineglass.calibration_block import Calibration, from_binary, make, read_jso
 from wineglass.device import Device
 from wineglass.errors import BadInput
 from wineglass.scenario import Run
+from wineglass.steady_state import steady_state
 
 MAX_ORDER = 5
 CHIRP_S = 0.1
@@ -58,12 +59,21 @@ def fit(law: Callable[[np.ndarray], np.ndarray], device: Device) -> Fit:
 
 def scale_fit(device: Device) -> Fit:
     """S(T) = 2 zeta2 k2 / g [rad/s per unit of secondary over primary amplitude]: what the open loop's ratio is worth."""
-    return fit(lambda t: 2.0 * device.resonator.decay_rate_at(t) / device.resonator.angular_gain, device)
+    return fit(lambda t: _scale(device, t), device)
 
 
 def decay_fit(device: Device) -> Fit:
     """zeta2 k2 [1/s]: pole of the decoupling filter."""
-    return fit(device.resonator.decay_rate_at, device)
+    return fit(device.resonator.secondary_decay_rate_at, device)
+
+
+def zero_rate_fit(device: Device) -> Fit:
+    """The whole output at zero rate [rad/s]: cross damping and what the frequency split's quadrature leaks, which no output can tell apart."""
+    return fit(lambda t: _scale(device, t) * steady_state(device.resonator, t).ratio.real, device)
+
+
+def _scale(device: Device, temperature_degc: np.ndarray) -> np.ndarray:
+    return 2.0 * device.resonator.secondary_decay_rate_at(temperature_degc) / device.resonator.angular_gain
 
 
 def pll_gains(device: Device) -> Gains:
@@ -94,14 +104,17 @@ def search_band_hz(device: Device) -> tuple[float, float]:
     return float(np.min(frequency)) * (1.0 - margin), float(np.max(frequency)) * (1.0 + margin)
 
 
-def calibration(run: Run) -> Calibration:
-    """The nominal calibration of the run's device as described, set up for the run's mode."""
+def calibration(run: Run, *, zero_rate: bool = False) -> Calibration:
+    """The nominal calibration of the run's device as described, set up for the run's mode.
+
+    zero_rate: the bias polynomial is the whole output at zero rate, as a thermal sweep would show it, instead of the cross damping alone.
+    """
     device = run.device
     return make({
         "device_name": device.name, "serial": 1, "sequence": 1,
         "sample_rate_hz": device.electronics.sample_rate_hz,
         "decimation": device.firmware.decimation, "loops_per_slow": device.firmware.loops_per_slow,
-        **_temperature(device), **_polynomials(device), **_acquisition(device), **_loops(device), **_monitors(),
+        **_temperature(device), **_polynomials(device, zero_rate), **_acquisition(device), **_loops(device), **_monitors(),
         "compensation": run.scenario.mode.compensation, "output_filter": run.output_filter,
     }, f"nominal calibration of {device.name}")
 
@@ -127,8 +140,9 @@ def _temperature(device: Device) -> dict[str, Any]:
             "thermometer_degc_per_lsb": thermometer.lsb_degc}
 
 
-def _polynomials(device: Device) -> dict[str, Any]:
-    return {"bias_rad_s": list(device.resonator.cross_damping_rad_s), "angular_gain": device.resonator.angular_gain,
+def _polynomials(device: Device, zero_rate: bool) -> dict[str, Any]:
+    bias = zero_rate_fit(device).coefficients if zero_rate else list(device.resonator.cross_damping_rad_s)
+    return {"bias_rad_s": bias, "angular_gain": device.resonator.angular_gain,
             "scale_rad_s_per_ratio": scale_fit(device).coefficients, "decay_rate_per_s": decay_fit(device).coefficients}
 
 

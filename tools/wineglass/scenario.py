@@ -64,7 +64,8 @@ class Scenario(Section):
     rate: Rate = Field(default_factory=ConstantRate, description="rate profile")
     mode: Mode = Field(default_factory=Mode)
     recording: Recording = Field(default_factory=Recording)
-    calibration: str = quantity("nominal", "", "nominal: as a perfect laboratory would find it; none: firmware's default; or a path")
+    calibration: str = quantity("nominal", "", "nominal: bias is the described cross damping; zero_rate: bias is the whole output at zero "
+                                "rate, split included, as a sweep would find it; none: the firmware's default; or a path (.json, .bin)")
     plant: Plant = Field(default_factory=Plant)
 
     def to_toml(self) -> str:
@@ -141,7 +142,7 @@ def parse(data: dict[str, Any], source: str, folder: Path | None = None) -> Scen
     changes: dict[str, Any] = {}
     if isinstance(scenario.temperature, CsvTemperature):
         changes["temperature"] = _read_csv(scenario.temperature, folder or Path("."), source)
-    if folder is not None and scenario.calibration not in ("nominal", "none"):
+    if folder is not None and scenario.calibration not in ("nominal", "zero_rate", "none"):
         changes["calibration"] = str((folder / scenario.calibration).resolve())
     if folder is not None and scenario.device.endswith(".toml"):
         changes["device"] = str(devices.find(scenario.device, beside=folder))

@@ -205,7 +205,9 @@ def calibration_for(run: Run) -> Calibration | None:
     choice = run.scenario.calibration
     if choice == "none":
         return None
-    return nominal.calibration(run) if choice == "nominal" else nominal.from_file(run, choice)
+    if choice in ("nominal", "zero_rate"):
+        return nominal.calibration(run, zero_rate=choice == "zero_rate")
+    return nominal.from_file(run, choice)
 
 
 def _block_for(run: Run) -> bytes:
