@@ -48,7 +48,7 @@ static const struct layout_field state_fields[] = {
     CIC(secondary_lockin.quadrature),
     STATE(decoupler_coefs.gain_q48, 4), STATE(decoupler_coefs.a1_q30, 4), STATE(decoupler_coefs.a1_low_q36, 4),
     STATE(decoupler_coefs.eps_q36, 4),
-    STATE(decoupler.y1_q61, 8), STATE(decoupler.y2_q61, 8), STATE(decoupler.u1_q47, 4), STATE(decoupler.u2_q47, 4),
+    STATE(decoupler.q1_q61, 8), STATE(decoupler.q2_q61, 8), STATE(decoupler.error1_q63, 4), STATE(decoupler.error2_q63, 4),
     STATE(acquisition.phase, 4), STATE(acquisition.tick, 4), STATE(acquisition.attempt, 4),
     STATE(acquisition.last_angle_i32, 4), STATE(acquisition.unwrapped, 8), STATES(acquisition.half_sum, 8, 2),
     STATE(acquisition.least_q30, 4),

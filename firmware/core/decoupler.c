@@ -4,10 +4,9 @@
 
 #define TWO_PI_Q28 INT64_C(1686629713)
 #define SIXTH_Q31 INT32_C(357913941)
-#define TWELFTH_Q31 INT32_C(178956971)
 #define DECAY_LIMIT_Q40 (INT64_C(1) << 33) /* 2^-7 a sample: eps < 2^-6, Q above 40 at 5 kHz and 50 kSa/s */
 #define OFFSET_LIMIT (INT64_C(1) << 55)    /* 2^-9 turn a sample, 0.0123 rad */
-#define GAIN_LIMIT_Q48 (INT64_C(1) << 30)    /* 2^-18 */
+#define GAIN_LIMIT_Q48 (INT64_C(1) << 30)  /* 2^-18 */
 
 void decoupler_reset(struct decoupler_state *state)
 {
@@ -50,14 +49,14 @@ static int64_t decay_per_sample_q40(const struct decoupler_tuning *tuning, int32
     return ((int64_t)decay_per_s_q22 * tuning->sample_period_q46) >> 28;
 }
 
-/* g w_b T / 2 (1 - exp(-d)) / d, with the last factor as 1 - d/2 - d^2/12: the series' d^2/6, less the d^2/4 by which the filter's
- * eps/2 for 1 - r lifts the gain. Range: 2^31 2^31 >> 28 = 2^34, clamped to 2^30; d in Q36 < 2^29, its square in Q40 < 2^26. */
+/* g w_b T / 2 (1 - exp(-2 d)) / (2 d), with the last factor as 1 - d + 2 d^2 / 3; left out: d^3 / 3 < 2^-22.
+ * Range: 2^31 2^31 >> 28 = 2^34, clamped to 2^30; d in Q36 <= 2^29, its square in Q40 <= 2^26. */
 static int32_t input_gain_q48(const struct decoupler_tuning *tuning, int64_t d_q40, int32_t bias_rad_s_q31, bool *clamped)
 {
     int64_t full_q48 = fixed_round_shift((int64_t)bias_rad_s_q31 * tuning->coupling_gain_q44, 28);
     int32_t gain_q48 = (int32_t)fixed_clamp_i64(full_q48, -GAIN_LIMIT_Q48, GAIN_LIMIT_Q48, clamped);
     int64_t d_q36 = d_q40 >> 4;
-    int64_t loss_q40 = (d_q40 >> 1) + ((((d_q36 * d_q36) >> 32) * TWELFTH_Q31) >> 31);
+    int64_t loss_q40 = d_q40 - ((4 * ((d_q36 * d_q36) >> 32) * SIXTH_Q31) >> 31);
     int32_t loss_q31 = (int32_t)(loss_q40 >> 9);
     return gain_q48 - fixed_mul_q31(gain_q48, loss_q31);
 }
@@ -86,14 +85,14 @@ bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, 
     int64_t d_q36 = d_q40 >> 4;
     int64_t d2_q40 = (d_q36 * d_q36) >> 32;
     int64_t d3_q40 = (d_q36 * d2_q40) >> 36;
-    int64_t one_less_r_q40 = d_q40 - (d2_q40 >> 1) + ((d3_q40 * SIXTH_Q31) >> 31);
     int64_t eps_q40 = 2 * (d_q40 - d2_q40) + ((8 * d3_q40 * SIXTH_Q31) >> 31);
     int64_t two_cos_q40 = two_cosine_q40(tuning, offset_u64);
-    int64_t a1_q40 = two_cos_q40 - (((two_cos_q40 >> 10) * (one_less_r_q40 >> 3)) >> 27);
+    int64_t eps_q36 = fixed_round_shift(eps_q40, 4);
+    int64_t a1_q40 = two_cos_q40 - (((two_cos_q40 >> 10) * eps_q36) >> 27); /* of the eps in force, so that the phase stays exact */
     int64_t a1_q30 = fixed_round_shift(a1_q40, 10);
     coefs->a1_q30 = (int32_t)a1_q30;
     coefs->a1_low_q36 = (int32_t)fixed_round_shift(a1_q40 - a1_q30 * 1024, 4);
-    coefs->eps_q36 = (int32_t)fixed_round_shift(eps_q40, 4);
+    coefs->eps_q36 = (int32_t)eps_q36;
     coefs->gain_q48 = gain_q48;
     return true;
 }
