@@ -107,7 +107,7 @@ class LeastSquares:
         return _Candidate(None, none, none, 0.0, self._basis, unit, unit, 0.0, log_prior)
 
     def _correlated(self, time_s: np.ndarray) -> list[_Candidate]:
-        block_s = float(np.median(np.diff(time_s)))
+        block_s = float(np.min(np.diff(time_s)))  # the least distance: a larger one is no valid covariance for nearer blocks
         times = np.geomspace(block_s / 3.0, max(block_s, (time_s[-1] - time_s[0]) / 4.0), CORRELATION_TIMES)
         log_prior = np.log((1.0 - WHITE_PRIOR) / (len(times) * len(SHARES)))
         return [
