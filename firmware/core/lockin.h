@@ -47,7 +47,7 @@ static inline void lockin_step(struct lockin_state *state, int32_t pickoff_q31, 
     cic_integrate(&state->quadrature, (int32_t)(((int64_t)pickoff_q31 * -reference.sine_q30 + INT64_C(0x80000000)) >> 32));
 }
 
-/* Every N samples. For |pickoff| <= 1 each part is within +-4/pi = 1.28. */
+/* Every N samples. For |pickoff| <= 1 beside a turning oscillator each part is within +-4/pi = 1.28. */
 struct complex_q30 lockin_output(const struct lockin_cfg *cfg, struct lockin_state *state);
 
 #endif
