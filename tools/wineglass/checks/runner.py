@@ -49,9 +49,8 @@ def run(step: Step) -> Result:
 def skip_reason(step: Step) -> str:
     if missing_need(step):
         return f"no {step.needs}"
-    if step.tool and not shutil.which(step.tool):
-        return f"{step.tool} is not installed"
-    return ""
+    absent = [tool for tool in step.tools if not shutil.which(tool)]
+    return f"{', '.join(absent)} not installed" if absent else ""
 
 
 def count(junit: Path, succeeded: bool) -> tuple[int, int, int]:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import argparse
 import difflib
-import shutil
 
 from wineglass.checks.runner import RESULTS, Result, run as run_step
-from wineglass.checks.steps import STEPS, TEST_PACKAGES, Step
+from wineglass.checks.steps import STEPS, Step, absent_packages
 from wineglass.console import Console
 from wineglass.errors import BadInput
 from wineglass.launch import system_packages
@@ -56,7 +55,7 @@ def _list(steps: list[Step], console: Console) -> int:
 
 def _offer_packages(steps: list[Step], console: Console) -> None:
     """Installs the programs that only tests use where that is allowed; a step whose program is absent is skipped."""
-    absent = [TEST_PACKAGES[step.tool] for step in steps if step.tool and not shutil.which(step.tool)]
+    absent = absent_packages(steps)
     if not absent:
         return
     if system_packages.may_install():

@@ -33,9 +33,14 @@ class Machine:
         words = [word.replace("{program}", str(self.program(name))) for word in self.emulator]
         return [words[0], *options, *words[1:]]
 
+    @property
+    def tools(self) -> tuple[str, str]:
+        """Programs that it takes."""
+        return self.compiler, self.emulator[0]
+
     def missing(self) -> list[str]:
-        """Programs that are not installed."""
-        return [tool for tool in (self.compiler, self.emulator[0]) if not shutil.which(tool)]
+        """Those that are not installed."""
+        return [tool for tool in self.tools if not shutil.which(tool)]
 
     def build(self) -> None:
         """Configures and builds all programs of this machine; quick when nothing has changed."""
