@@ -4,6 +4,8 @@
 
 #include <stdint.h>
 
+#include "core/fixed.h"
+
 #define OSCILLATOR_TABLE_BITS 7 /* 128 points a turn: third-order remainder (pi/128)^3/6 = 2.5e-6 */
 
 struct phasor_q30 {
@@ -28,17 +30,17 @@ static inline struct phasor_q30 oscillator_phasor(uint32_t phase_u32)
 {
     uint32_t rounded = phase_u32 + (UINT32_C(1) << (31 - OSCILLATOR_TABLE_BITS));
     const struct phasor_q30 *point = &oscillator_table[rounded >> (32 - OSCILLATOR_TABLE_BITS)];
-    /* Distance in turns, 2^32 = one turn: |offset| <= 2^24. */
-    int32_t offset = (int32_t)(phase_u32 - (rounded & ~((UINT32_C(1) << (32 - OSCILLATOR_TABLE_BITS)) - 1u)));
+    /* Distance in turns, 2^32 = one turn, -2^24 <= offset < 2^24: what lies below the table's step, with its top bit as the sign. */
+    int32_t offset = (int32_t)(phase_u32 << OSCILLATOR_TABLE_BITS) >> OSCILLATOR_TABLE_BITS;
     /* 2 pi in Q28 times offset 2^5 (Q37 turns) >> 32 = Q33 rad. */
-    int32_t d_q33 = (int32_t)(((int64_t)(offset * 32) * INT64_C(1686629713)) >> 32);
-    int32_t half_d2_q34 = (int32_t)(((int64_t)d_q33 * d_q33) >> 33);
+    int32_t d_q33 = fixed_mul_high_floor(offset * 32, INT32_C(1686629713));
+    int32_t half_d2_q34 = fixed_mul_high_floor(d_q33, d_q33) >> 1;
     int32_t cosine = point->cosine_q30;
     int32_t sine = point->sine_q30;
-    int32_t rotate_cosine_q31 = (int32_t)(((int64_t)sine * d_q33) >> 32);
-    int32_t rotate_sine_q31 = (int32_t)(((int64_t)cosine * d_q33) >> 32);
-    int32_t bend_cosine_q32 = (int32_t)(((int64_t)cosine * half_d2_q34) >> 32);
-    int32_t bend_sine_q32 = (int32_t)(((int64_t)sine * half_d2_q34) >> 32);
+    int32_t rotate_cosine_q31 = fixed_mul_high_floor(sine, d_q33);
+    int32_t rotate_sine_q31 = fixed_mul_high_floor(cosine, d_q33);
+    int32_t bend_cosine_q32 = fixed_mul_high_floor(cosine, half_d2_q34);
+    int32_t bend_sine_q32 = fixed_mul_high_floor(sine, half_d2_q34);
     struct phasor_q30 result = {
         cosine - (rotate_cosine_q31 >> 1) - (bend_cosine_q32 >> 2),
         sine + (rotate_sine_q31 >> 1) - (bend_sine_q32 >> 2),
