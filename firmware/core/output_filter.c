@@ -4,13 +4,14 @@
 
 #define GUARD 65536 /* states carry 16 more fractional bits than the signal */
 
-/* x c / 2^29 for |x| < 2^49 and |c| <= 2^30: split like fixed_mul_i64_q31, at most 2^50. */
+/* x c / 2^29 for |x| < 2^50 and |c| <= 2^30: as 4 x times c / 2^31, |4 x| < 2^52, at most 2^51. */
 static int64_t scale_q29(int64_t value, int32_t coef_q29)
 {
     return fixed_mul_i64_q31(value * 4, coef_q29);
 }
 
-/* Bessel sections do not overshoot by more than 1 %, so states stay below 2^47.1; inputs are summed to 4 x 2^47 = 2^49. */
+/* Even the input that suits it best drives a section to 1.06 times full scale at most (the sum of its response's magnitudes), so states
+ * stay below 2^47.1; inputs are summed to 4 x 2^47.1 < 2^49.2. */
 static int64_t section_step(const struct output_filter_section *section, struct output_filter_state *state, unsigned k, int64_t x)
 {
     int64_t feed = scale_q29(x + 2 * state->x1[k] + state->x2[k], section->gain_q29);

@@ -14,8 +14,9 @@ def sections(corner: float) -> list[tuple[int, int, int]]:
     result = []
     for pole in sorted((p for p in poles if p.imag > 0), key=abs):
         a1, a2 = -2 * pole.real, abs(pole) ** 2
-        a1_q29, a2_q29 = round(a1 * 2**29), round(a2 * 2**29)
-        result.append((round((2**29 + a1_q29 + a2_q29) / 4), a1_q29, a2_q29))
+        a2_q29 = round(a2 * 2**29)
+        gain_q29 = round((1 + a1 + a2) * 2**27)
+        result.append((gain_q29, 4 * gain_q29 - 2**29 - a2_q29, a2_q29))  # a1 so that the gain at rest is one exactly
     return result
 
 
