@@ -24,7 +24,9 @@ endfunction()
 function(unity_find_pip result)
   set(environment_python ${PROJECT_SOURCE_DIR}/.venv/bin/python)
   if(EXISTS ${environment_python})
-    execute_process(COMMAND ${environment_python} -c "import pip, setuptools, setuptools_scm"
+    # Looked for, not imported: pip and setuptools do not always like each other in one process.
+    execute_process(COMMAND ${environment_python} -c
+                    "import importlib.util as u, sys; sys.exit(not all(map(u.find_spec, ('pip', 'setuptools', 'setuptools_scm'))))"
                     RESULT_VARIABLE status OUTPUT_QUIET ERROR_QUIET)
     if(status EQUAL 0)
       set(${result} ${environment_python} -m pip download --no-build-isolation PARENT_SCOPE)
