@@ -22,7 +22,8 @@ def test_polynomials_follow_the_exact_laws(name, limit):
     device = devices.load(name)
     resonator, shift = device.resonator, shifts(device)
     temperature = shift + resonator.reference_temperature_degc
-    decay = np.pi * resonator.frequency_at(temperature) / resonator.q_at(temperature)
+    unequal = 0.5 * resonator.damping_mismatch * np.cos(2 * np.radians(resonator.damping_axis_deg))
+    decay = np.pi * resonator.frequency_at(temperature) / resonator.q_at(temperature) * (1 - unequal)
     for fit, exact in ((nominal.decay_fit(device), decay), (nominal.scale_fit(device), 2 * decay / resonator.angular_gain)):
         fitted = np.polynomial.polynomial.polyval(shift, fit.coefficients)
         error = np.max(np.abs(fitted - exact)) / np.max(np.abs(exact))
@@ -84,7 +85,7 @@ def test_every_shipped_device_has_a_calibration_that_fits_the_firmware(name):
     shift = shifts(device)
     for field in ("bias_rad_s", "scale_rad_s_per_ratio", "decay_rate_per_s"):
         wanted, got = (np.polynomial.polynomial.polyval(shift, getattr(c, field)) for c in (nominal_calibration, back))
-        assert np.max(np.abs(got - wanted)) < 5e-6 * np.max(np.abs(wanted)), field
+        assert np.max(np.abs(got - wanted)) < 1.1e-5 * np.max(np.abs(wanted)), field  # silica's decay rate in Q22
 
 
 def test_chirp_and_listening_take_a_tenth_of_a_second_each():
