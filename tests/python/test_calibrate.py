@@ -339,3 +339,55 @@ def test_the_output_filters_delay_is_the_firmwares():
     assert library().wg_output_filter_run(1, 0, pointer(ramp, "int32_t"), pointer(out, "int32_t"), len(ramp)) == 0
     delay_s = float(ramp[-1] - out[-1]) / 10_000 / calibration.slow_rate_hz
     assert Base(calibration, "", True).delay_s == pytest.approx(delay_s, rel=0.01)
+
+
+# ---- what counts in a device's recording -------------------------------------------------------------------------------------
+
+
+def write_device(path, compensation="none", unlocked=0, count=1200):
+    """A device's recording at 2 Hz with a turntable: rate channel and baseband tell different biases, so that they can be told apart."""
+    from wineglass.calibration.base import nominal_calibration
+    from wineglass.device import load
+
+    data, rate = observations(count=count), turntable(count, 0.5)
+    status = np.where(np.arange(count) < unlocked, 0, 1).astype(np.uint32)
+    secondary = np.where(status, 0.45 * (rate + data.measured), 99.0)
+    block = calibration_block.to_binary(nominal_calibration(load("metal")).with_changes(compensation=compensation))
+    baseband = {"primary_in_phase": np.full(count, 0.9), "primary_quadrature": np.zeros(count), "secondary_in_phase": secondary,
+                "secondary_quadrature": np.zeros(count), "status": status}
+    from wineglass.recording import ChannelFormat
+
+    with RecordingWriter(path, RecordingMeta(counter_rate_hz=2.0, calibration_block=block)) as writer:
+        form = {name: float_format() for name in baseband} | {"status": ChannelFormat("u4")}
+        writer.add_tap("baseband", TapFormat(2.0, form))
+        writer.append("baseband", baseband, 0)
+        writer.add_tap("output", TapFormat(2.0, {"temperature_measured": float_format(), "rate_uncompensated": float_format()}))
+        writer.append("output", {"temperature_measured": data.temperature_degc, "rate_uncompensated": rate + data.measured}, 0)
+        writer.add_tap("reference", TapFormat(2.0, {"true_rate": float_format()}))
+        writer.append("reference", {"true_rate": rate}, 0)
+
+
+def test_samples_before_the_lock_do_not_count(tmp_path):
+    write_device(tmp_path / "a.h5", unlocked=40)
+    result = calibrated(tmp_path / "a.h5", "--order", "3", "--scale-order", "0", "--loop", "closed")
+    assert result["channel"] == "ratio" and result["samples"] <= 1160
+    assert result["scale"]["terms"][0]["value"] == pytest.approx(2.0, rel=1e-3)
+    assert result["bias"][0]["value"] == pytest.approx(ALPHA[0], rel=0.02)
+
+
+@pytest.mark.parametrize("compensation, channel", [("none", "ratio"), ("static", "ratio"), ("g2", "rate_uncompensated")])
+def test_the_baseband_behind_the_decoupler_is_not_used(tmp_path, compensation, channel):
+    write_device(tmp_path / "a.h5", compensation)
+    assert calibrated(tmp_path / "a.h5", "--order", "3", "--scale-order", "0", "--loop", "closed")["channel"] == channel
+
+
+def test_a_sweep_of_the_twin_gives_the_shells_own_polynomial(tmp_path):
+    """Firmware in the loop from cold start, rate turns in between, no split: bias and its order are those of the simulated shell."""
+    path = tmp_path / "sweep.h5"
+    assert main(["simulate", "thermal-sweep", "--set", "resonator.split_hz=0", "--seed", "3", "-o", str(path), "-q"]) == 0
+    result = calibrated(path, "-o", str(tmp_path / "cal.json"))
+    assert result["order"] == 3 and result["channel"] == "ratio" and result["loop"] == "open"
+    for term, truth in zip(result["bias"], ALPHA):
+        centre, half = np.mean(term["interval_95"]), np.ptp(term["interval_95"]) / 2
+        assert abs(centre - truth) < 2.5 * half and half < 0.01 * abs(truth)
+    assert calibration_block.read_json(tmp_path / "cal.json").scale_rad_s_per_ratio[0] == pytest.approx(np.pi * 5000 / 1e4, rel=1e-4)

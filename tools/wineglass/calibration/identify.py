@@ -100,7 +100,8 @@ def _usable(data: Observations, settings: Settings) -> np.ndarray:
     time_s, tau = data.time_s, 0.0
     if settings.tau_s is not None:
         tau = float(np.max(settings.tau_s(data.temperature_degc)))
-    use = data.valid & (time_s >= time_s[0] + min(SETTLE_TAUS * tau, 0.1 * (time_s[-1] - time_s[0])))
+    first = time_s[int(np.argmax(data.valid))]
+    use = data.valid & (time_s >= first + min(SETTLE_TAUS * tau, 0.1 * (time_s[-1] - first)))
     if not data.rate_moves:
         return use
     settled = use & ~_after_movement(time_s, data.true_rate_rad_s, SETTLE_TAUS * tau)

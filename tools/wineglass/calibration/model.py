@@ -2,8 +2,9 @@
 
     measured = gain(T) W[ (true rate + bias(T)) / (gain(T) scale(T)) ]        W: the open loop's one-pole lag, tau(T)
 
-bias and scale are polynomials in the temperature. For the in-phase ratio gain = 1 and scale is in rad/s per unit of ratio. For a rate channel
-gain(T) is the scale factor that the firmware has multiplied with, and scale is the correction to it: 1 where no moving rate can show it.
+bias and scale are polynomials in the temperature. For the in-phase ratio gain = 1 and scale is in rad/s per unit of ratio. For a
+rate channel gain(T) is the scale factor that the firmware has multiplied with, and scale is the correction to it: 1 where no moving
+rate can show it.
 """
 
 from __future__ import annotations

@@ -2,9 +2,10 @@
 
 The estimate is ordinary least squares over block means. Its uncertainty uses the noise's own autocorrelation: white noise plus a
 Gauss-Markov process (the usual gyro noise model), both as they appear after block averaging. How much of it there is and how long it
-remembers is not known, so a grid of candidates (share of the Gauss-Markov part, correlation time) is weighted by its restricted likelihood, with
-a prior weight of WHITE_PRIOR on purely white noise, and the interval is the quantile of the resulting mixture of Student distributions. Plugging
-in the single best candidate instead gives intervals that are too short where the noise remembers long (measured 2 to 4 % of coverage).
+remembers is not known, so a grid of candidates (share of the Gauss-Markov part, correlation time) is weighted by its restricted
+likelihood, with a prior weight of WHITE_PRIOR on purely white noise, and the interval is the quantile of the resulting mixture of
+Student distributions. Plugging in the single best candidate instead gives intervals that are too short where the noise remembers
+long (measured: 91 to 93 % instead of 95 to 96 % for white noise plus a process that remembers 50 samples of 3000).
 """
 
 from __future__ import annotations
@@ -115,7 +116,7 @@ class LeastSquares:
         ]
 
     def _gauss_markov(self, time_s: np.ndarray, tau_s: float, weight: float, log_prior: float) -> _Candidate:
-        """Covariance (1 - weight) I + weight exp(-|dt|/tau); the inverse of the second part is tridiagonal, hence all costs are linear in n."""
+        """Covariance (1 - weight) I + weight exp(-|dt|/tau). The inverse of the second part is tridiagonal: all costs are linear in n."""
         rho = np.exp(-np.diff(time_s) / tau_s)
         fresh = -np.expm1(-2.0 * np.diff(time_s) / tau_s)
         diagonal = np.concatenate(([1.0 / fresh[0]], 1.0 / fresh))

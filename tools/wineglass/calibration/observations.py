@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wineglass import calibration_block
 from wineglass.errors import BadInput
 from wineglass.recording import Recording, Tap
+from wineglass.wire import Status
 
 MAX_SAMPLES = 50_000  # longer records are averaged in pairs, threes, ... to stay below this
 RATE_MOVES_RAD_S = 1e-6  # a true rate that stays within this is a constant
@@ -44,6 +46,7 @@ def observe(recording: Recording, channel: str | None = None) -> Observations:
     channel = channel or _best_channel(recording, true_rate)
     time_s, measured = _measured(recording, channel)
     temperature = _resampled(output, "temperature_measured", time_s)
+    covered = _covered(output, time_s) & (true_rate is None or _covered(true_rate, time_s))
     observations = Observations(
         channel=channel,
         is_ratio=channel == "ratio",
@@ -51,7 +54,7 @@ def observe(recording: Recording, channel: str | None = None) -> Observations:
         temperature_degc=temperature,
         measured=measured,
         true_rate_rad_s=None if true_rate is None else _resampled(true_rate, "true_rate", time_s),
-        valid=np.isfinite(measured) & _covered(output, time_s) & (true_rate is None or _covered(true_rate, time_s)),
+        valid=np.isfinite(measured) & covered & _locked(recording, time_s),
     )
     if observations.valid.sum() < 20:
         raise BadInput(f"only {int(observations.valid.sum())} usable samples", recording.path, "record longer")
@@ -84,7 +87,20 @@ def _has_ratio(recording: Recording) -> bool:
 def _decoupled(recording: Recording) -> bool:
     """Did the firmware take the cross damping out before demodulation? Then the baseband no longer shows it."""
     modes = [event.value.lower() for event in recording.events if event.kind == "compensation"]
-    return any("g2" in mode for mode in modes)
+    if not modes and recording.calibration_block:
+        modes = [calibration_block.from_binary(recording.calibration_block, f"{recording.path}, calibration_block").compensation]
+    return "g2" in modes
+
+
+def _locked(recording: Recording, time_s: np.ndarray) -> np.ndarray:
+    """Mask of the times at which the drive loop was locked and nothing saturated; all, where no status was recorded."""
+    if "baseband" not in recording.taps or "status" not in recording.tap("baseband"):
+        return np.ones(len(time_s), bool)
+    tap = recording.tap("baseband")
+    status = tap.codes("status").astype(np.int64)
+    good = tap.valid & (status & Status.LOCKED != 0) & (status & (Status.ADC_SATURATED | Status.OVERFLOW) == 0)
+    nearest = np.clip(np.searchsorted(tap.time_s, time_s - 0.5 / tap.sample_rate_hz), 0, tap.length - 1)
+    return good[nearest]
 
 
 def _measured(recording: Recording, channel: str) -> tuple[np.ndarray, np.ndarray]:

@@ -51,7 +51,9 @@ Fit = Callable[[int, np.ndarray], np.ndarray]
 """(order, mask of the samples to fit) -> prediction errors of all samples (n,)"""
 
 
-def hold_out(fit: Fit, held: np.ndarray, usable: np.ndarray, time_s: np.ndarray, temperature: np.ndarray, kind: str, orders: range) -> HeldOut | None:
+def hold_out(
+    fit: Fit, held: np.ndarray, usable: np.ndarray, time_s: np.ndarray, temperature: np.ndarray, kind: str, orders: range
+) -> HeldOut | None:
     """Predict the samples `held` (mask) from the other usable ones; None where they have too little in common."""
     rest, asked = usable & ~held, usable & held
     if not asked.any() or rest.sum() < 2 * (max(orders) + 1):

@@ -149,7 +149,8 @@ def _to_si(table: Table, column: Column, role: str, options: ImportOptions) -> n
     if column.unit and name != column.unit:
         raise BadInput(f"column {column.name}: the header says {column.unit}, --unit says {name}", f"{table.path}, line 1", "drop --unit")
     if not name:
-        raise BadInput(f"column {column.name} has no unit", f"{table.path}, line 1", f"add {flag}{_guess(column.name, dimension)} (or: {choices})")
+        todo = f"add {flag}{_guess(column.name, dimension)} (or: {choices})"
+        raise BadInput(f"column {column.name} has no unit", f"{table.path}, line 1", todo)
     unit = units.find(name)
     if unit is None:
         raise BadInput(f"column {column.name}: unknown unit {name!r}", f"{table.path}, line 1", f"add {flag}UNIT with one of: {choices}")

@@ -158,14 +158,14 @@ def _open_file(path: Path) -> h5py.File:
     try:
         return h5py.File(path, "r")
     except OSError as error:
-        reason = "the recording is truncated" if "truncated" in str(error) else "not an HDF5 file"
-        hint = "record or copy it again" if "truncated" in str(error) else "give a recording, or import a table with: wineglass import FILE.csv"
-        raise BadInput(reason, str(path), hint) from error
+        if "truncated" in str(error):
+            raise BadInput("the recording is truncated", str(path), "record or copy it again") from error
+        raise BadInput("not an HDF5 file", str(path), "give a recording, or import a table: wineglass import FILE.csv") from error
 
 
 def _read_root(file: h5py.File, where: str) -> Recording:
     if text(file.attrs, layout.FORMAT_ATTRIBUTE, where, default="") != layout.FORMAT:
-        raise BadInput("HDF5, but not a wineglass recording", where, f"the root attribute {layout.FORMAT_ATTRIBUTE} must be {layout.FORMAT}")
+        raise BadInput("HDF5, but not a wineglass recording", where, f"its attribute {layout.FORMAT_ATTRIBUTE} must be {layout.FORMAT}")
     version = integer(file.attrs, layout.VERSION_ATTRIBUTE, where)
     if not 1 <= version <= layout.VERSION:
         raise BadInput(f"recording format version {version} is unknown", where, f"this program reads version {layout.VERSION}")
@@ -217,9 +217,8 @@ def _read_bursts(file: h5py.File, counter_rate_hz: float, where: str) -> list[Ta
     for before, after in zip(bursts, bursts[1:]):
         end = before.first_sample + before.length * counter_rate_hz / before.sample_rate_hz
         if after.first_sample < end - 0.5:
-            raise BadInput(
-                f"{after.name} begins at counter {after.first_sample}, before {before.name} ends", where, "the sample counter must not go back"
-            )
+            what = f"{after.name} begins at counter {after.first_sample}, before {before.name} ends"
+            raise BadInput(what, where, "the sample counter must not go back")
     return bursts
 
 
