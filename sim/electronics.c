@@ -8,6 +8,8 @@ void adc_init(const struct electronics_cfg *cfg, struct adc *adc)
     adc->noise_codes = (pair){cfg->adc_noise_rms_fs[0], cfg->adc_noise_rms_fs[1]} * adc->codes_per_fs;
     adc->low_code = -full_scale;
     adc->high_code = full_scale - 1;
+    adc->lowest_bits = ELECTRONICS_MAGIC_BITS - (uint64_t)full_scale;
+    adc->code_span = 2 * (uint64_t)full_scale - 1;
 }
 
 void dac_init(const struct electronics_cfg *cfg, struct dac *dac)

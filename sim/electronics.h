@@ -26,6 +26,7 @@ struct adc {
     pair offset_codes;
     pair noise_codes;  /* rms */
     int64_t low_code, high_code;
+    uint64_t lowest_bits, code_span; /* representation of the lowest code after ELECTRONICS_MAGIC; high - low */
 };
 
 /* Both force channels. Forces are fractions of full scale. */
@@ -40,7 +41,7 @@ void dac_init(const struct electronics_cfg *cfg, struct dac *dac);
 
 /* 1.5 x 2^52: a double near it has the integer part as the low bits of its representation, rounded with ties to even. */
 #define ELECTRONICS_MAGIC 6755399441055744.0
-#define ELECTRONICS_MAGIC_BITS INT64_C(0x4338000000000000)
+#define ELECTRONICS_MAGIC_BITS UINT64_C(0x4338000000000000)
 
 /* Nearest integer, ties to even, |value| <= 2^51; the same on every machine and no call of a function. */
 static inline double round_to_even(double value)
@@ -51,26 +52,25 @@ static inline double round_to_even(double value)
 /* Out of the converter's range, or not a number, which becomes the lowest code. */
 int32_t adc_saturate(const struct adc *adc, double wanted_codes, uint64_t *saturated);
 
-/* With a wanted value beyond 2^51 the bits are no integer any more, but they are outside the range all the same: doubles of one sign
- * are ordered as their representations are. */
-static inline int32_t adc_round(const struct adc *adc, double wanted_codes, uint64_t *saturated)
+/* The low half of the representation is the code, as that of ELECTRONICS_MAGIC is zero. With a wanted value beyond 2^51 it is no integer
+ * any more, but outside the range all the same: doubles of one sign are ordered as their representations are. */
+static inline int32_t adc_round(const struct adc *adc, double shifted, double wanted_codes, uint64_t *saturated)
 {
-    double shifted = wanted_codes + ELECTRONICS_MAGIC;
-    int64_t code;
-    memcpy(&code, &shifted, sizeof code);
-    code = (int64_t)((uint64_t)code - (uint64_t)ELECTRONICS_MAGIC_BITS);
-    if (__builtin_expect(code < adc->low_code || code > adc->high_code, 0)) {
+    uint64_t bits;
+    memcpy(&bits, &shifted, sizeof bits);
+    if (__builtin_expect(bits - adc->lowest_bits > adc->code_span, 0)) {
         return adc_saturate(adc, wanted_codes, saturated);
     }
-    return (int32_t)code;
+    return (int32_t)(uint32_t)bits;
 }
 
 /* One conversion of both channels. noise: standard Gaussian numbers. *saturated counts the codes that were clamped. */
 static inline void adc_convert(const struct adc *adc, pair displacement_fs, pair noise, int32_t code[2], uint64_t *saturated)
 {
     pair wanted = displacement_fs * adc->codes_per_fs + (adc->offset_codes + noise * adc->noise_codes);
-    code[0] = adc_round(adc, wanted[0], saturated);
-    code[1] = adc_round(adc, wanted[1], saturated);
+    pair shifted = wanted + pair_of(ELECTRONICS_MAGIC);
+    code[0] = adc_round(adc, shifted[0], wanted[0], saturated);
+    code[1] = adc_round(adc, shifted[1], wanted[1], saturated);
 }
 
 /* Codes beyond the converter's width saturate and are counted. */

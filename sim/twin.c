@@ -131,19 +131,23 @@ static void draw_noise(struct twin *twin)
     }
 }
 
-/* Samples first .. end - 1 of the present block. codes: 4 per sample of the block, or NULL. What the loop changes is held in local
- * variables, so that a compiler need not fear that the device changes it too. */
+/* Samples first .. end - 1 of the present block. codes: 4 per sample of the block, or NULL. What the loop uses all the time is held in
+ * local variables, so that a compiler need not fear that the device changes it. */
 static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
 {
+    struct wg_device *device = twin->device;
+    const struct sampling_plan plan = twin->sampling_plan;
+    const double *noise[2] = {twin->noise[0], twin->noise[1]};
     struct resonator_state motion = twin->motion;
+    uint64_t sample = twin->sample;
     uint64_t adc_saturations = 0;
     uint64_t dac_saturations = 0;
     for (uint32_t i = first; i < end; i++) {
-        uint64_t sample = twin->sample + 1 + (i - first);
         int32_t adc[2], dac[2];
-        pair seen = sampling_step(&twin->sampling_plan, &twin->map, &twin->history, sample, &motion);
-        adc_convert(&twin->adc, seen, (pair){twin->noise[0][i], twin->noise[1][i]}, adc, &adc_saturations);
-        wg_device_sample(twin->device, adc, dac);
+        sample++;
+        pair seen = sampling_step(&plan, &twin->map, &twin->history, sample, &motion);
+        adc_convert(&twin->adc, seen, (pair){noise[0][i], noise[1][i]}, adc, &adc_saturations);
+        wg_device_sample(device, adc, dac);
         sampling_push_force(&twin->history, sample, dac_convert(&twin->dac, dac, &dac_saturations));
         if (codes) {
             memcpy(codes + 4 * i, adc, sizeof adc);
@@ -151,7 +155,7 @@ static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t
         }
     }
     twin->motion = motion;
-    twin->sample += end - first;
+    twin->sample = sample;
     twin->adc_saturations += adc_saturations;
     twin->dac_saturations += dac_saturations;
 }
