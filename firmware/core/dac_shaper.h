@@ -14,23 +14,24 @@ struct dac_shaper_state {
 };
 
 /* Left-justified force in, left-justified code out: the low `shift` bits (0 to 24) are zero.
- * Range: |errors| <= 2^23, so the fed-back sum is below 3 x 2^23 and `wanted` below 2^32; an output at the DAC's limit is flagged and
- * forgets its error instead of winding up. */
+ * Range: |errors| <= 2^23, so what is fed back, plus half a code, is below 2^25 and only the sum with the force can leave 32 bit: when both
+ * have one sign and the sum the other. An output at the DAC's limit is flagged and forgets its error instead of winding up. */
 static inline int32_t dac_shaper_step(struct dac_shaper_state *state, int32_t force_q31, int32_t two_cos_q30, unsigned shift,
                                       bool *saturated)
 {
-    int64_t fed_back = (((int64_t)two_cos_q30 * state->error1 + (INT64_C(1) << 29)) >> 30) - state->error2;
-    int64_t wanted = force_q31 + fed_back;
-    int64_t mask = (INT64_C(1) << shift) - 1;
-    int64_t rounded = (wanted + ((mask + 1) >> 1)) & ~mask;
+    uint32_t unit = UINT32_C(1) << shift;
+    int32_t half = (int32_t)(unit >> 1);
+    int32_t fed_back = fixed_mul_high(two_cos_q30, state->error1 * 4) - state->error2 + half;
+    int32_t sum = (int32_t)((uint32_t)force_q31 + (uint32_t)fed_back);
     state->error2 = state->error1;
-    if (rounded > (INT32_MAX & ~mask) || rounded < INT32_MIN) {
+    if (((force_q31 ^ sum) & (fed_back ^ sum)) < 0) {
         *saturated = true;
         state->error1 = 0;
-        return rounded < 0 ? INT32_MIN : (int32_t)(INT32_MAX & ~mask);
+        return force_q31 < 0 ? INT32_MIN : (int32_t)(UINT32_C(0x80000000) - unit);
     }
-    state->error1 = (int32_t)(wanted - rounded);
-    return (int32_t)rounded;
+    int32_t code = (int32_t)((uint32_t)sum & (0u - unit));
+    state->error1 = (int32_t)((uint32_t)sum & (unit - 1u)) - half;
+    return code;
 }
 
 #endif
