@@ -79,7 +79,7 @@ class Thermal(Section):
 
     shell_time_constant_s: float = quantity(60.0, "s", "shell follows the chamber with this lag", ge=0, le=1e5)
     thermometer_lag_s: float = quantity(0.0, "s", "thermometer follows the shell with this lag", ge=0, le=1e5)
-    temperature_min_degc: float = quantity(-40.0, "degC", "least temperature of the device; calibration holds from here ...", ge=-100, le=200)
+    temperature_min_degc: float = quantity(-45.0, "degC", "least temperature of the device; calibration holds from here ...", ge=-100, le=200)
     temperature_max_degc: float = quantity(85.0, "degC", "... to here", ge=-100, le=200)
 
 
