@@ -92,15 +92,27 @@ static struct acquisition_output next_attempt(const struct acquisition_cfg *cfg,
     return chirp(cfg, state);
 }
 
+/* A ringing shell turns steadily, by no more than half the band a tick; noise turns by anything. A sixteenth of a turn is left for the
+ * noise of an honest reading: eight times its rms at the audible limit. Range: a band below 2^63, 32 samples a tick: 2^30 2^5, clamped. */
+static bool steady(const struct acquisition_cfg *cfg, int32_t step_i32)
+{
+    bool clamped = false;
+    int64_t half_band_u32 = (int64_t)((cfg->freq_end_u64 - cfg->freq_start_u64) >> 33);
+    int32_t limit = fixed_saturate_i32(half_band_u32 * cfg->decimation + (INT32_C(1) << 28), &clamped);
+    return step_i32 <= limit && step_i32 >= -limit;
+}
+
 static struct acquisition_output listen(const struct acquisition_cfg *cfg, struct acquisition_state *state, struct polar primary)
 {
     struct acquisition_output output = {center_frequency(cfg), 0, false, false};
     uint32_t half = UINT32_C(1) << cfg->listen_ticks_log2;
-    state->unwrapped += (int32_t)((uint32_t)primary.angle_i32 - (uint32_t)state->last_angle_i32);
+    int32_t step_i32 = (int32_t)((uint32_t)primary.angle_i32 - (uint32_t)state->last_angle_i32);
+    int32_t heard_q30 = steady(cfg, step_i32) ? primary.magnitude_q30 : 0;
+    state->unwrapped += step_i32;
     state->last_angle_i32 = primary.angle_i32;
     state->half_sum[state->tick < half ? 0 : 1] += state->unwrapped;
-    if (primary.magnitude_q30 < state->least_q30) {
-        state->least_q30 = primary.magnitude_q30;
+    if (heard_q30 < state->least_q30) {
+        state->least_q30 = heard_q30;
     }
     state->tick++;
     if (state->tick < 2 * half) {

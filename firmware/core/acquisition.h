@@ -31,7 +31,7 @@ struct acquisition_state {
     int32_t last_angle_i32;
     int64_t unwrapped;         /* ringing phase since listening began, 2^32 = one turn; |.| < 2^32 2^14 */
     int64_t half_sum[2];       /* sums of the unwrapped phase over the two halves */
-    int32_t least_q30;         /* least amplitude heard */
+    int32_t least_q30;         /* least amplitude heard; zero once the phase has jumped */
 };
 
 struct acquisition_output {
