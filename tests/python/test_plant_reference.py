@@ -193,7 +193,9 @@ def test_noise_beyond_the_base_of_the_ziggurat() -> None:
     tail = np.abs(values[np.abs(values) > base])
     expected = len(values) * 2 * stats.norm.sf(base)
     assert abs(len(tail) - expected) < 4.5 * np.sqrt(expected)
-    assert stats.kstest(stats.norm.sf(tail) / stats.norm.sf(base), "uniform").pvalue > 1e-4
+    uniform = stats.norm.sf(tail) / stats.norm.sf(base)
+    assert stats.kstest(uniform, "uniform").pvalue > 1e-4
+    assert abs(np.mean(-np.log(uniform)) - 1.0) < 4.5 / np.sqrt(len(tail))
 
 
 def test_noise_is_white() -> None:

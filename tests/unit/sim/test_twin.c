@@ -241,6 +241,29 @@ static void shell_and_thermometer_are_recorded(void)
     twin_destroy(twin);
 }
 
+/* A resonator that no force moves: the codes are noise of the stated size, and the channels' noises are different ones. */
+static void channels_have_their_own_noise(void)
+{
+    struct twin_cfg cfg = device();
+    cfg.resonator.drive_force_fs_s2 = cfg.resonator.rebalance_force_fs_s2 = 0.0;
+    cfg.electronics.adc_bits = 24;
+    cfg.electronics.adc_noise_rms_fs[1] *= 2.0;
+    fill_profile();
+    trace_of(&cfg, &first, BLOCKS);
+    double n = (double)BLOCKS * BLOCK, products[2][2] = {{0}};
+    for (int s = 0; s < BLOCKS * BLOCK; s++) {
+        for (int a = 0; a < 2; a++) {
+            for (int b = 0; b < 2; b++) {
+                products[a][b] += (double)first.codes[s][a] * first.codes[s][b] / n;
+            }
+        }
+    }
+    double unit = 2.236e-5 * 8388608.0 * 2.236e-5 * 8388608.0;
+    TEST_ASSERT_DOUBLE_WITHIN(4.5 * sqrt(2.0 / n) * unit, unit, products[0][0]);
+    TEST_ASSERT_DOUBLE_WITHIN(4.5 * sqrt(2.0 / n) * 4.0 * unit, 4.0 * unit, products[1][1]);
+    TEST_ASSERT_DOUBLE_WITHIN(4.5 * sqrt(1.0 / n) * 2.0 * unit, 0.0, products[0][1]);
+}
+
 /* An offset at the end of the secondary's range: three codes in four are clamped, and counted. */
 static void saturation_is_counted(void)
 {
@@ -264,6 +287,7 @@ int main(void)
     RUN_TEST(firmware_locks_to_the_true_resonance);
     RUN_TEST(secondary_answers_rate_and_cross_damping);
     RUN_TEST(shell_and_thermometer_are_recorded);
+    RUN_TEST(channels_have_their_own_noise);
     RUN_TEST(saturation_is_counted);
     return UNITY_END();
 }
