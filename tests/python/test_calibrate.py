@@ -391,3 +391,24 @@ def test_a_sweep_of_the_twin_gives_the_shells_own_polynomial(tmp_path):
         centre, half = np.mean(term["interval_95"]), np.ptp(term["interval_95"]) / 2
         assert abs(centre - truth) < 2.5 * half and half < 0.01 * abs(truth)
     assert calibration_block.read_json(tmp_path / "cal.json").scale_rad_s_per_ratio[0] == pytest.approx(np.pi * 5000 / 1e4, rel=1e-4)
+
+
+def test_a_delay_beyond_the_known_lag_is_fitted_and_reported():
+    """A thermometer read 0.15 s too late on a device with 0.6 s of lag: closed form, the answer to smooth inputs is 0.45 s later."""
+    def temperature(t):
+        return 20.0 - 55.0 * np.cos(2 * np.pi * t / 600)
+
+    time_s = np.arange(0, 1800, 0.5)
+    tau, late = 0.6, 0.15
+    omega = 2 * np.pi / 600  # W of a slow sine: gain 1/sqrt(1 + (omega tau)^2) = 1 - 2e-5, hence the small tolerance below
+    rate = bias(temperature(time_s - np.arctan(omega * tau) / omega)) + 1e-6 * np.random.default_rng(9).standard_normal(len(time_s))
+    data = Observations("rate_uncompensated", False, time_s, temperature(time_s - late), rate, None, np.ones(len(time_s), bool))
+    found = identify(data, Settings(tau_s=lambda t: np.full(len(t), tau)))
+    assert found.delay_s == pytest.approx(-late, abs=2 * found.delay_half_width_s + 1e-3)
+    assert found.order == 3 and np.all(np.abs(found.bias_rad_s - ALPHA) < 2.0 * found.bias_half_width_rad_s + 1e-4 * np.abs(ALPHA))
+
+
+def test_no_delay_is_claimed_where_there_is_none():
+    data = observations()
+    settings = Settings(order=3, tau_s=lambda t: np.full(len(t), 1e-6))
+    assert identify(data, settings).delay_s is None

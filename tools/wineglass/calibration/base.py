@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from scipy.signal import besselap
 
 from wineglass import calibration_block, device
 from wineglass.atomic import write_bytes, write_text
@@ -19,6 +18,7 @@ from wineglass.errors import BadInput
 from wineglass.recording import Recording
 
 FALLBACK_DEVICE = "metal"
+BESSEL4_DELAY_RAD = 2.1139  # fourth-order Bessel: delay of slow signals times the angular frequency of the -3 dB corner
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,8 @@ class Base:
         name = self.calibration.output_filter
         if name == "none":
             return 0.0
-        _, poles, _ = besselap(4, norm="mag")
         corner_hz = float(name) * self.calibration.slow_rate_hz
-        return float(np.sum(-1.0 / poles).real) / (2.0 * np.pi * corner_hz)
+        return BESSEL4_DELAY_RAD / (2.0 * np.pi * corner_hz)
 
     def _law(self, coefficients: list[float], temperature_degc: np.ndarray) -> np.ndarray:
         return Polynomial(coefficients)(temperature_degc - self.calibration.reference_temperature_degc)

@@ -9,7 +9,7 @@ import numpy as np
 
 from wineglass.calibration.branches import Branch, find_branches
 from wineglass.calibration.lag import Lag
-from wineglass.calibration.model import Basis, Model, Terms, fit
+from wineglass.calibration.model import Basis, Model, Terms, fit, needs_delay
 from wineglass.calibration.noise import Interval, LeastSquares
 from wineglass.calibration.observations import Observations
 from wineglass.calibration.order import HeldOut, OrderChoice, after_maximum, choose, hold_out, hold_out_branches
@@ -51,6 +51,9 @@ class Identified:
     """rad/s per unit of ratio, or (rate channels) the factor to be put on the present scale factor; None where no rate moved"""
     scale_half_width: np.ndarray | None
     scale_is_ratio: bool
+    delay_s: float | None
+    """by which the channel follows the temperature (and the true rate) later than its known lag; None: none is seen, or not looked for"""
+    delay_half_width_s: float | None
     reference_temperature_degc: float
     temperature_min_degc: float
     temperature_max_degc: float
@@ -72,9 +75,10 @@ def identify(data: Observations, settings: Settings, advance: Callable[[], None]
     model = _model(data, settings)
     branches = find_branches(data.temperature_degc)
     _check_span(data, use, settings)
-    scale_order, scale_choice = _scale_order(model, data, use, branches, settings, advance)
-    order, choice = _bias_order(model, data, use, branches, settings, scale_order, advance)
-    terms = Terms(order, scale_order)
+    delay = _delay_is_seen(model, data, use, branches, settings)
+    scale_order, scale_choice = _scale_order(model, data, use, branches, settings, delay, advance)
+    order, choice = _bias_order(model, data, use, branches, settings, scale_order, delay, advance)
+    terms = Terms(order, scale_order, delay and order > 0)
     theta = fit(model, terms, data.measured, use)
     return _result(model, data, use, branches, settings, terms, theta, choice, scale_choice)
 
@@ -126,6 +130,7 @@ def _model(data: Observations, settings: Settings) -> Model:
     gain = np.ones(len(shift)) if settings.gain is None or data.is_ratio else settings.gain(data.temperature_degc)
     return Model(
         basis=Basis(shift),
+        time_s=data.time_s,
         shift_degc=shift,
         true_rate_rad_s=none if data.true_rate_rad_s is None else data.true_rate_rad_s,
         gain=gain,
@@ -137,6 +142,17 @@ def _model(data: Observations, settings: Settings) -> Model:
     )
 
 
+def _delay_is_seen(model: Model, data: Observations, use: np.ndarray, branches: list[Branch], settings: Settings) -> bool:
+    """Only for a channel whose lag is modelled, and where heating and cooling tell a delay from a polynomial."""
+    if settings.tau_s is None or len(branches) < 2 or settings.order == 0:
+        return False
+    order = settings.max_order if settings.order is None else settings.order
+    scale_order = None
+    if data.rate_moves:
+        scale_order = settings.max_order if settings.scale_order is None else settings.scale_order
+    return needs_delay(model, Terms(max(order, 1), scale_order), data.measured, use)
+
+
 def _bias_order(
     model: Model,
     data: Observations,
@@ -144,9 +160,12 @@ def _bias_order(
     branches: list[Branch],
     settings: Settings,
     scale_order: int | None,
+    delay: bool,
     advance: Callable[[], None],
 ) -> tuple[int, OrderChoice | None]:
-    choice = _choice(model, data, use, branches, settings.max_order, lambda order: Terms(order, scale_order), advance)
+    choice = _choice(
+        model, data, use, branches, settings.max_order, lambda order: Terms(order, scale_order, delay and order > 0), advance
+    )
     if settings.order is not None:
         return settings.order, choice
     if choice is None:
@@ -159,7 +178,13 @@ def _bias_order(
 
 
 def _scale_order(
-    model: Model, data: Observations, use: np.ndarray, branches: list[Branch], settings: Settings, advance: Callable[[], None]
+    model: Model,
+    data: Observations,
+    use: np.ndarray,
+    branches: list[Branch],
+    settings: Settings,
+    delay: bool,
+    advance: Callable[[], None],
 ) -> tuple[int | None, OrderChoice | None]:
     if not data.rate_moves:
         if data.is_ratio:
@@ -169,7 +194,7 @@ def _scale_order(
     if settings.scale_order is not None:
         return settings.scale_order, None
     bias_order = settings.max_order if settings.order is None else settings.order
-    choice = _choice(model, data, use, branches, settings.max_order, lambda order: Terms(bias_order, order), advance)
+    choice = _choice(model, data, use, branches, settings.max_order, lambda order: Terms(bias_order, order, delay), advance)
     if choice is None:
         raise BadInput("the scale factor's order cannot be chosen from one thermal branch", f"channel {data.channel}",
                        "give --scale-order N, or record heating and cooling over the same temperatures")
@@ -217,7 +242,7 @@ def _result(
     powers = _to_powers(model, terms)
     interval = LeastSquares(blocks[0], blocks[2]).intervals(blocks[1], powers)
     coefficients = powers @ theta + interval.estimate
-    bias, scale = slice(0, terms.bias + 1), slice(terms.bias + 1, None)
+    bias, scale = slice(0, terms.bias + 1), slice(terms.bias + 1, terms.polynomials)
     has_scale = terms.scale is not None
     if has_scale:
         _check_scale(coefficients[scale], interval.half_width[scale])
@@ -233,6 +258,8 @@ def _result(
         scale=coefficients[scale] if has_scale else None,
         scale_half_width=interval.half_width[scale] if has_scale else None,
         scale_is_ratio=data.is_ratio,
+        delay_s=float(coefficients[-1]) if terms.delay else None,
+        delay_half_width_s=float(interval.half_width[-1]) if terms.delay else None,
         reference_temperature_degc=settings.reference_temperature_degc,
         temperature_min_degc=float(data.temperature_degc[use].min()),
         temperature_max_degc=float(data.temperature_degc[use].max()),
@@ -261,10 +288,11 @@ def block_means(use: np.ndarray, count: int, *arrays: np.ndarray) -> list[np.nda
 
 
 def _to_powers(model: Model, terms: Terms) -> np.ndarray:
-    matrix = np.zeros((terms.count, terms.count))
+    matrix = np.eye(terms.count)
     matrix[: terms.bias + 1, : terms.bias + 1] = model.basis.to_powers(terms.bias)
     if terms.scale is not None:
-        matrix[terms.bias + 1 :, terms.bias + 1 :] = model.basis.to_powers(terms.scale)
+        scale = slice(terms.bias + 1, terms.polynomials)
+        matrix[scale, scale] = model.basis.to_powers(terms.scale)
     return matrix
 
 

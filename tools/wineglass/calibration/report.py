@@ -24,6 +24,9 @@ def print_report(found: Identified, base: Base, loop: str, added: bool, console:
     _print_values(found, console)
     console.print(f"residual {_both(found.residual_rms, found)} rms in sample; intervals from {found.blocks} block means, "
                   f"{_noise_words(found)}")
+    if found.delay_s is not None:
+        console.print(f"the channel follows the temperature {1e3 * found.delay_s:.3g} ± {1e3 * found.delay_half_width_s:.2g} ms later than "
+                      "its known lag; this was fitted beside the polynomial")
     if found.after_maximum is not None:
         console.print(f"everything from the temperature maximum on held out: {_both(found.after_maximum.rms_by_order[0], found)} rms")
     if added:
@@ -110,6 +113,10 @@ def as_json(found: Identified, base: Base, loop: str, added: bool, output: Path 
         "scale": None if found.scale is None else {
             "kind": "rate per ratio" if found.scale_is_ratio else "correction",
             "terms": _terms(found.scale, found.scale_half_width, "rad/s" if found.scale_is_ratio else "1"),
+        },
+        "delay": None if found.delay_s is None else {
+            "unit": "s", "value": found.delay_s,
+            "interval_95": [found.delay_s - found.delay_half_width_s, found.delay_s + found.delay_half_width_s],
         },
         "residual_rms": found.residual_rms,
         "residual_unit": "1" if found.channel == "ratio" else "rad/s",
