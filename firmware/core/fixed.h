@@ -13,18 +13,21 @@
 _Static_assert((-5 >> 1) == -3, "right shift of a negative integer must be arithmetic");
 _Static_assert((int32_t)0x80000000u == INT32_MIN, "conversion to a signed integer must be two's complement");
 
-/* Clamp to 32 bit; *overflow is set (never cleared) when the value did not fit. */
+/* Upper word, towards minus infinity. Through unsigned, so that 32-bit compilers see a register and not a 64-bit shift. */
+static inline int32_t fixed_high_word(int64_t value)
+{
+    return (int32_t)(uint32_t)((uint64_t)value >> 32);
+}
+
+/* Clamp to 32 bit; *overflow is set (never cleared) when the value did not fit: when its upper word is not the lower one's sign. */
 static inline int32_t fixed_saturate_i32(int64_t value, bool *overflow)
 {
-    if (value > INT32_MAX) {
+    int32_t low = (int32_t)(uint32_t)value;
+    if (fixed_high_word(value) != low >> 31) {
         *overflow = true;
-        return INT32_MAX;
+        return value < 0 ? INT32_MIN : INT32_MAX;
     }
-    if (value < INT32_MIN) {
-        *overflow = true;
-        return INT32_MIN;
-    }
-    return (int32_t)value;
+    return low;
 }
 
 /* Clamp to [low, high], low <= high; *overflow is set when the value did not fit. */
@@ -41,12 +44,6 @@ static inline int64_t fixed_clamp_i64(int64_t value, int64_t low, int64_t high, 
     return value;
 }
 
-/* Upper word, towards minus infinity. Through unsigned, so that 32-bit compilers see a register and not a 64-bit shift. */
-static inline int32_t fixed_high_word(int64_t value)
-{
-    return (int32_t)(uint32_t)((uint64_t)value >> 32);
-}
-
 /* Upper half of the product, Qa x Qb -> Q(a+b-32), floored: within half a unit more than fixed_mul_high, one instruction less. */
 static inline int32_t fixed_mul_high_floor(int32_t a, int32_t b)
 {
@@ -60,11 +57,12 @@ static inline int32_t fixed_mul_high(int32_t a, int32_t b)
     return (int32_t)(((int64_t)a * b + INT64_C(0x80000000)) >> 32);
 }
 
-/* Rounded Qa x Q31 -> Qa. Range: only INT32_MIN x INT32_MIN leaves 32 bit; it saturates to INT32_MAX. */
+/* Rounded Qa x Q31 -> Qa. Range: only INT32_MIN x INT32_MIN leaves 32 bit, as 2^31, which wraps to INT32_MIN; no other product
+ * rounds to that (the next is -2^31 (1 - 2^-31)), so it is told by its result and saturates to INT32_MAX. */
 static inline int32_t fixed_mul_q31(int32_t a, int32_t b_q31)
 {
-    int64_t product = ((int64_t)a * b_q31 + (INT64_C(1) << 30)) >> 31;
-    return product > INT32_MAX ? INT32_MAX : (int32_t)product;
+    int32_t product = (int32_t)(uint32_t)((uint64_t)((int64_t)a * b_q31 + (INT64_C(1) << 30)) >> 31);
+    return product == INT32_MIN ? INT32_MAX : product;
 }
 
 /* Shift right with rounding half up, 1 <= shift <= 62. Range: value <= INT64_MAX - 2^(shift-1). */
@@ -78,8 +76,8 @@ static inline int64_t fixed_round_shift(int64_t value, unsigned shift)
  * Range: |value| < 2^62 so that `high` fits 32 bit; the result fits 64 bit as |value factor| < 2^93. */
 static inline int64_t fixed_mul_i64_q31(int64_t value, int32_t factor_q31)
 {
-    int32_t high = (int32_t)(value >> 31);
-    int32_t low = (int32_t)(value & 0x7FFFFFFF);
+    int32_t high = (int32_t)(uint32_t)((uint64_t)value >> 31);
+    int32_t low = (int32_t)((uint32_t)value & UINT32_C(0x7FFFFFFF));
     return (int64_t)high * factor_q31 + (((int64_t)low * factor_q31) >> 31);
 }
 
