@@ -21,7 +21,7 @@ from wineglass.calibration_block import Calibration, to_binary
 from wineglass.device import Device
 from wineglass.errors import BadInput
 from wineglass.native import ffi, library, pointer
-from wineglass.scenario import Run, Scenario
+from wineglass.scenario import Run
 
 CHUNK_BLOCKS = 2000
 _TELEMETRY_CHUNK = 1 << 20
@@ -35,6 +35,7 @@ _ERRORS = {
     -5: ("the converters cannot be simulated", "check the device's section electronics"),
     -7: ("the profile asks for what the shell cannot be: a temperature at which its damping turns negative, or a number that is none",
          "check the scenario's temperature and rate"),
+    -8: ("the effects cannot be simulated", "check their parameters, and switch on fewer at a time"),
 }
 
 
@@ -84,15 +85,15 @@ class Twin:
         """calibration_block: None takes the one the scenario asks for. amplitudes, codes: also return them in every Block."""
         self.run = run
         self.seed = run.scenario.seed if seed is None else seed
-        self.calibration_block = _block_for(run) if calibration_block is None else calibration_block
+        self.calibration_block = block_for(run) if calibration_block is None else calibration_block
         self._amplitudes, self._codes = amplitudes, codes
         self._block = 0
         error = ffi.new("int32_t *")
         block = self.calibration_block
-        cfg = _configuration(run, self.seed)
+        cfg = configuration(run, self.seed)
         self._twin = library().twin_create(cfg, ffi.from_buffer(block) if block else ffi.NULL, len(block), error)
         if self._twin == ffi.NULL:
-            raise _device_refusal(run, block) if error[0] == _DEVICE else _refusal(run.scenario, int(error[0]))
+            raise refusal(run, int(error[0]), block)
         self._device = library().twin_device(self._twin)
 
     @property
@@ -118,7 +119,7 @@ class Twin:
         record = _Record(n, n * self.run.device.block_samples if self._codes else 0, self._amplitudes)
         result = library().twin_run(self._open(), profile, record.pointers())
         if result != 0:
-            raise _refusal(self.run.scenario, result)
+            raise refusal(self.run, result, self.calibration_block)
         first, self._block = self._block, self._block + n
         return Block(first, inputs[0], inputs[2], record.shell, record.thermometer,
                      record.complex(0), record.complex(2), record.codes)
@@ -210,14 +211,18 @@ def calibration_for(run: Run) -> Calibration | None:
     return nominal.from_file(run, choice)
 
 
-def _block_for(run: Run) -> bytes:
+def block_for(run: Run) -> bytes:
+    """The calibration block that the scenario asks for; empty: the firmware's own default."""
     calibration = calibration_for(run)
     return b"" if calibration is None else to_binary(calibration)
 
 
-def _refusal(scenario: Scenario, error: int) -> BadInput:
+def refusal(run: Run, error: int, block: bytes) -> BadInput:
+    """What an error of the library means."""
+    if error == _DEVICE:
+        return _device_refusal(run, block)
     what, todo = _ERRORS.get(error, (f"the twin failed with error {error}", "report this"))
-    return BadInput(what, f"scenario {scenario.name or '(unnamed)'}", todo)
+    return BadInput(what, f"scenario {run.scenario.name or '(unnamed)'}", todo)
 
 
 def _device_refusal(run: Run, block: bytes) -> BadInput:
@@ -230,7 +235,8 @@ def _device_refusal(run: Run, block: bytes) -> BadInput:
                     "use a calibration that was made for this device")
 
 
-def _configuration(run: Run, seed: int) -> Any:
+def configuration(run: Run, seed: int) -> Any:
+    """struct twin_cfg of the simulated device."""
     device = run.truth
     cfg = ffi.new("struct twin_cfg *")
     cfg.sample_rate_hz = device.electronics.sample_rate_hz

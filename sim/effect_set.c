@@ -1,0 +1,184 @@
+#include "sim/effect_set.h"
+
+#include <string.h>
+
+/* ---- the catalogue ----------------------------------------------------------------------------------------------------- */
+
+uint32_t effect_count(void)
+{
+    return effect_list_length;
+}
+
+int32_t effect_find(const char *id)
+{
+    for (uint32_t i = 0; id && i < effect_list_length; i++) {
+        if (strcmp(effect_list[i]->id, id) == 0) {
+            return (int32_t)i;
+        }
+    }
+    return -1;
+}
+
+const char *effect_text(uint32_t effect, uint32_t field)
+{
+    if (effect >= effect_list_length || field > 2) {
+        return NULL;
+    }
+    const struct effect *record = effect_list[effect];
+    return field == 0 ? record->id : field == 1 ? record->equation : record->appearance;
+}
+
+uint32_t effect_stage(uint32_t effect)
+{
+    return effect < effect_list_length ? effect_list[effect]->stage : 0;
+}
+
+uint32_t effect_parameter_count(uint32_t effect)
+{
+    uint32_t count = 0;
+    while (effect < effect_list_length && count < EFFECT_PARAMETERS && effect_list[effect]->parameter[count].name) {
+        count++;
+    }
+    return count;
+}
+
+const struct effect_parameter *effect_parameter(uint32_t effect, uint32_t index)
+{
+    return index < effect_parameter_count(effect) ? &effect_list[effect]->parameter[index] : NULL;
+}
+
+/* ---- switching on ------------------------------------------------------------------------------------------------------ */
+
+static bool setting_sound(const struct effect_setting *setting)
+{
+    if (setting->effect >= effect_list_length) {
+        return false;
+    }
+    for (uint32_t i = 0; i < effect_parameter_count(setting->effect); i++) {
+        const struct effect_parameter *parameter = effect_parameter(setting->effect, i);
+        if (!(setting->value[i] >= parameter->low && setting->value[i] <= parameter->high)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static bool setting_acts(const struct effect_setting *setting)
+{
+    bool acts = false;
+    for (uint32_t i = 0; i < effect_parameter_count(setting->effect); i++) {
+        bool strength = effect_parameter(setting->effect, i)->kind == EFFECT_STRENGTH;
+        acts = acts || (strength && setting->value[i] != 0.0);
+    }
+    return acts;
+}
+
+static void switch_on(struct effect_set *set, const struct effect_setting *setting)
+{
+    const struct effect *effect = effect_list[setting->effect];
+    struct effect_active *active = &set->active[set->count++];
+    active->effect = effect;
+    memcpy(active->value, setting->value, sizeof active->value);
+    set->parameters = set->parameters || effect->parameters;
+    set->advance = set->advance || effect->advance;
+    set->thermometer = set->thermometer || effect->thermometer;
+    set->reading = set->reading || effect->reading;
+    set->samples = set->samples || effect->pickoff || effect->force;
+    set->averaged = set->averaged || effect->averaged;
+}
+
+bool effect_set_init(struct effect_set *set, const struct effect_setting *settings, uint32_t count)
+{
+    memset(set, 0, sizeof *set);
+    for (uint32_t i = 0; i < count; i++) {
+        if (!setting_sound(&settings[i]) || set->count == EFFECT_SET) {
+            memset(set, 0, sizeof *set);
+            return false;
+        }
+        if (setting_acts(&settings[i])) {
+            switch_on(set, &settings[i]);
+        }
+    }
+    return true;
+}
+
+void effect_set_reset(struct effect_set *set)
+{
+    for (uint32_t i = 0; i < set->count; i++) {
+        memset(set->active[i].state, 0, sizeof set->active[i].state);
+    }
+}
+
+/* ---- asking ------------------------------------------------------------------------------------------------------------ */
+
+void effect_set_parameters(const struct effect_set *set, const struct effect_context *now, struct plant_parameters *p)
+{
+    for (uint32_t i = 0; set->parameters && i < set->count; i++) {
+        const struct effect_active *active = &set->active[i];
+        if (active->effect->parameters) {
+            active->effect->parameters(active->value, active->state, now, p);
+        }
+    }
+}
+
+void effect_set_averaged(const struct effect_set *set, const struct effect_context *now, struct plant_parameters *p)
+{
+    for (uint32_t i = 0; set->averaged && i < set->count; i++) {
+        const struct effect_active *active = &set->active[i];
+        if (active->effect->averaged) {
+            active->effect->averaged(active->value, active->state, now, p);
+        }
+    }
+}
+
+void effect_set_advance(struct effect_set *set, const struct effect_context *now)
+{
+    for (uint32_t i = 0; set->advance && i < set->count; i++) {
+        struct effect_active *active = &set->active[i];
+        if (active->effect->advance) {
+            active->effect->advance(active->value, active->state, now);
+        }
+    }
+}
+
+double effect_set_thermometer(struct effect_set *set, const struct effect_context *now, double degc)
+{
+    for (uint32_t i = 0; set->thermometer && i < set->count; i++) {
+        struct effect_active *active = &set->active[i];
+        if (active->effect->thermometer) {
+            degc = active->effect->thermometer(active->value, active->state, now, degc);
+        }
+    }
+    return degc;
+}
+
+double effect_set_reading(const struct effect_set *set, const struct effect_context *now, double degc, double noise_degc)
+{
+    for (uint32_t i = 0; set->reading && i < set->count; i++) {
+        const struct effect_active *active = &set->active[i];
+        if (active->effect->reading) {
+            degc = active->effect->reading(active->value, now, degc, noise_degc);
+        }
+    }
+    return degc;
+}
+
+void effect_set_pickoff(struct effect_set *set, uint64_t sample, double displacement_fs[2])
+{
+    for (uint32_t i = 0; i < set->count; i++) {
+        struct effect_active *active = &set->active[i];
+        if (active->effect->pickoff) {
+            active->effect->pickoff(active->value, active->state, sample, displacement_fs);
+        }
+    }
+}
+
+void effect_set_force(struct effect_set *set, uint64_t sample, double force_fs[2])
+{
+    for (uint32_t i = 0; i < set->count; i++) {
+        struct effect_active *active = &set->active[i];
+        if (active->effect->force) {
+            active->effect->force(active->value, active->state, sample, force_fs);
+        }
+    }
+}

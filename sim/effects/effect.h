@@ -1,0 +1,91 @@
+/* An effect: one way in which a real gyro differs from the nominal twin, as a record and a few functions. The same record serves the
+ * sampled twin (firmware in the loop) and the envelope twin, alone and together with others. One file per effect in this folder;
+ * the build finds it. docs/guides/add-an-effect.md shows how to write one.
+ *
+ * An effect whose strengths are all zero is not installed at all, so it costs nothing and changes no bit. */
+#ifndef SIM_EFFECTS_EFFECT_H
+#define SIM_EFFECTS_EFFECT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hal/host/wg_export.h"
+#include "sim/plant_parameters.h"
+
+/* cdef begin */
+enum effect_limit { EFFECT_PARAMETERS = 6, EFFECT_STATES = 8, EFFECT_SET = 16 };
+
+enum effect_stage {
+    EFFECT_STAGE_PRIMARY, EFFECT_STAGE_SECONDARY, EFFECT_STAGE_COUPLING, EFFECT_STAGE_ACTUATION, EFFECT_STAGE_PICKOFF,
+    EFFECT_STAGE_CLOCK, EFFECT_STAGE_TEMPERATURE, EFFECT_STAGE_ENVIRONMENT, EFFECT_STAGE_FIRMWARE
+};
+
+enum effect_kind {
+    EFFECT_SHAPE,    /* says how the effect acts; alone it changes nothing */
+    EFFECT_STRENGTH  /* the effect is absent when all of these are zero */
+};
+
+struct effect_parameter {
+    const char *name;
+    const char *unit;
+    uint32_t kind;      /* enum effect_kind */
+    double usual;       /* value of a shape that is not given; 0 for a strength */
+    double low, high;   /* physical bound */
+    double typical;     /* usual size in real devices, in magnitude */
+    const char *source; /* where size and bound come from */
+};
+
+/* One effect switched on: its place in the list (effect_find) and its parameters in the record's order. */
+struct effect_setting {
+    uint32_t effect;
+    uint32_t reserved;
+    double value[6];
+};
+/* cdef end */
+
+/* What a hook may look at. Times of a block (sampled twin) or a step (envelope twin). */
+struct effect_context {
+    double time_s;               /* since power-up, at the instant that is meant */
+    double duration_s;           /* of the block or step */
+    double shell_degc;           /* true temperature of the shell at that instant */
+    double shell_slope_degc_s;
+    double amplitude_fs;         /* of the primary, at the beginning of the block or step */
+    double reference_degc;       /* T0 of all polynomials */
+    double velocity_scale_rad_s; /* nominal natural frequency k */
+    uint64_t seed;
+};
+
+struct effect {
+    const char *id;
+    uint32_t stage;               /* enum effect_stage */
+    const char *equation;
+    const char *appearance;       /* what it looks like, and in which channels */
+    struct effect_parameter parameter[EFFECT_PARAMETERS];
+
+    /* Hooks, each may be missing. `values` are the parameters, `state` is the effect's own memory, zero at power-up. */
+
+    /* Changes the plant's parameters. The state moves on by `advance`, never here: a hook may be asked twice about one step. */
+    void (*parameters)(const double *values, const double *state, const struct effect_context *now, struct plant_parameters *p);
+
+    /* Moves the state to the end of the block or step. */
+    void (*advance)(const double *values, double *state, const struct effect_context *now);
+
+    /* The temperature that the sensing element has, from the one it should have, at the end of the block or step. Called once. */
+    double (*thermometer)(const double *values, double *state, const struct effect_context *now, double degc);
+
+    /* The reading, from the sensing element's temperature with its noise. noise_degc: rms of that noise if it has not been added yet
+     * (envelope twin: the answer is then the mean over the noise), else 0. */
+    double (*reading)(const double *values, const struct effect_context *now, double degc, double noise_degc);
+
+    /* Sampled twin only: what stands at the ADC inputs and at the DAC outputs of one sample, FS; and, for the envelope twin only, the
+     * change of parameters that has the same effect averaged over the carrier. */
+    void (*pickoff)(const double *values, double *state, uint64_t sample, double displacement_fs[2]);
+    void (*force)(const double *values, double *state, uint64_t sample, double force_fs[2]);
+    void (*averaged)(const double *values, const double *state, const struct effect_context *now, struct plant_parameters *p);
+};
+
+/* The list, in alphabetical order of ids; effect_list is made by the build from the files of this folder. */
+extern const struct effect *const effect_list[];
+extern const uint32_t effect_list_length;
+
+#endif
