@@ -24,12 +24,6 @@ static double seconds(void)
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-static struct gyro_input sample(const struct fixture_device *device, struct fixture_plant *plant, struct random_state *noise)
-{
-    return (struct gyro_input){fixture_adc_q31(device, plant->x1, random_gauss(noise)),
-                               fixture_adc_q31(device, plant->x2, random_gauss(noise)), 0};
-}
-
 /* Runs the loop closed; the state returned is that before the first of `codes`. */
 static struct gyro_state record(const struct fixture_device *device, const struct gyro_cfg *cfg)
 {
@@ -40,7 +34,8 @@ static struct gyro_state record(const struct fixture_device *device, const struc
     fixture_plant_init(&plant, device);
     at_start = state;
     for (long n = -SETTLE; n < SAMPLES; n++) {
-        struct gyro_input input = sample(device, &plant, &noise);
+        struct gyro_input input = {fixture_adc_q31(device, plant.x1, random_gauss(&noise)),
+                                   fixture_adc_q31(device, plant.x2, random_gauss(&noise)), 0};
         if (n == 0) {
             at_start = state;
         }
@@ -48,7 +43,7 @@ static struct gyro_state record(const struct fixture_device *device, const struc
             codes[n] = input;
         }
         struct gyro_output output = gyro_step(cfg, &state, &input);
-        fixture_plant_step(&plant, output.drive_q31);
+        fixture_plant_step(&plant, output.drive_q31, output.rebalance_q31);
     }
     return at_start;
 }

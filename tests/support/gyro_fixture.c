@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "support/random.h"
+
 #define TURN_U64 18446744073709551616.0
 
 static double two_pi(void)
@@ -66,14 +68,21 @@ static void set_acquisition(struct gyro_cfg *cfg, const struct fixture_device *d
     };
 }
 
-/* PLL bandwidth 40 Hz, AGC 5 Hz against the shell's own decay. */
+/* Amplitude per second at full force, which the hold between two samples weakens by sin(x)/x. */
+static double growth_rate(const struct fixture_device *device)
+{
+    double x = 0.5 * two_pi() * device->center_freq_hz / device->sample_rate_hz;
+    return device->force_margin * device->amplitude * decay_rate(device) * sin(x) / x;
+}
+
+/* PLL bandwidth 40 Hz, AGC 5 Hz, rebalance 50 Hz. */
 static void set_loops(struct gyro_cfg *cfg, const struct fixture_device *device)
 {
     double period = 1.0 / device->sample_rate_hz;
     double tick = period * cfg->lockin.decimation;
     double proportional = two_pi() * 40.0;
     double integral = proportional * proportional / 1.96;
-    double growth = device->force_margin * device->amplitude * decay_rate(device); /* amplitude per second at full force */
+    double growth = growth_rate(device);
     double agc = two_pi() * 5.0 / growth;
     cfg->drive = (struct drive_loop_cfg){
         .pll_proportional_q32 = (uint32_t)llrint(ldexp(proportional * period, 32)),
@@ -85,6 +94,13 @@ static void set_loops(struct gyro_cfg *cfg, const struct fixture_device *device)
         .agc_integral_q24 = q(agc * two_pi() * 5.0 / 4.0 * tick, 24),
         .drive_max_q31 = q(0.9999, 31),
     };
+    double rebalance = two_pi() * 50.0 / growth;
+    cfg->rebalance = (struct rebalance_cfg){
+        .proportional_q16 = q(rebalance, 16),
+        .integral_q24 = q(rebalance * two_pi() * 50.0 / 4.0 * tick, 24),
+        .in_phase_limit_q31 = q(0.7, 31),
+        .quadrature_limit_q31 = q(0.7, 31),
+    };
 }
 
 static void set_polynomials(struct gyro_cfg *cfg, const struct fixture_device *device)
@@ -92,6 +108,7 @@ static void set_polynomials(struct gyro_cfg *cfg, const struct fixture_device *d
     double decay = decay_rate(device);
     cfg->bias_rad_s_q31.coef[0] = q(device->bias_rad_s, 31);
     cfg->scale_rad_s_q28.coef[0] = q(2.0 * decay / device->gain, 28);
+    cfg->rebalance_scale_rad_s_q28.coef[0] = q(2.0 * growth_rate(device) / device->gain, 28);
     cfg->decay_per_s_q22.coef[0] = q(decay, 22);
 }
 
@@ -101,7 +118,7 @@ struct gyro_cfg fixture_cfg(const struct fixture_device *device)
     set_acquisition(&cfg, device);
     set_loops(&cfg, device);
     set_polynomials(&cfg, device);
-    cfg.loop_delay_samples_q16 = 3u << 15; /* computation: one sample; hold: half of one */
+    cfg.loop_delay_samples_q16 = 1u << 15; /* the plant takes each force at once; its hold is half a sample late */
     cfg.thermometer = (struct gyro_thermometer_cfg){0, 1 << 20, INT32_MIN, INT32_MAX};
     cfg.tuning = fixture_tuning(device->sample_rate_hz, device->center_freq_hz, device->gain);
     cfg.monitor = (struct gyro_monitor_cfg){
@@ -110,8 +127,8 @@ struct gyro_cfg fixture_cfg(const struct fixture_device *device)
         .hold_ticks = 500,
         .adc_limit_q31 = q(0.999, 31),
     };
-    cfg.rebalance = (struct rebalance_cfg){.in_phase_limit_q31 = q(0.7, 31), .quadrature_limit_q31 = q(0.7, 31)};
     cfg.dac_shift = 16;
+    cfg.loop = device->loop;
     cfg.compensation = device->compensation;
     cfg.calibration_valid = true;
     return cfg;
@@ -136,15 +153,15 @@ void fixture_plant_init(struct fixture_plant *plant, const struct fixture_device
     plant->force_v = plant->position_rv;
 }
 
-/* The held drive force moves mode 1; mode 2 gets half of the Coriolis kick before and half after its free motion. */
-void fixture_plant_step(struct fixture_plant *plant, int32_t drive_q31)
+/* Each mode moves freely under its held force; mode 2 gets half of the Coriolis kick before and half after. */
+void fixture_plant_step(struct fixture_plant *plant, int32_t drive_q31, int32_t rebalance_q31)
 {
-    double force = plant->full_force * drive_q31 * 0x1p-31;
+    double force1 = plant->full_force * drive_q31 * 0x1p-31, force2 = plant->full_force * rebalance_q31 * 0x1p-31;
     plant->v2 += plant->kick * plant->v1;
-    double x1 = plant->position_rr * plant->x1 + plant->position_rv * plant->v1 + plant->force_r * force;
-    double v1 = plant->velocity_rr * plant->x1 + plant->velocity_rv * plant->v1 + plant->force_v * force;
-    double x2 = plant->position_rr * plant->x2 + plant->position_rv * plant->v2;
-    double v2 = plant->velocity_rr * plant->x2 + plant->velocity_rv * plant->v2;
+    double x1 = plant->position_rr * plant->x1 + plant->position_rv * plant->v1 + plant->force_r * force1;
+    double v1 = plant->velocity_rr * plant->x1 + plant->velocity_rv * plant->v1 + plant->force_v * force1;
+    double x2 = plant->position_rr * plant->x2 + plant->position_rv * plant->v2 + plant->force_r * force2;
+    double v2 = plant->velocity_rr * plant->x2 + plant->velocity_rv * plant->v2 + plant->force_v * force2;
     plant->x1 = x1;
     plant->v1 = v1;
     plant->x2 = x2;
@@ -158,4 +175,14 @@ int32_t fixture_adc_q31(const struct fixture_device *device, double position, do
     double code = rint((position + device->adc_noise * noise) * full);
     code = fmin(fmax(code, -full), full - 1.0);
     return (int32_t)((int64_t)code * (INT64_C(1) << (32 - bits)));
+}
+
+struct gyro_output fixture_sample(const struct fixture_device *device, const struct gyro_cfg *cfg, struct gyro_state *state,
+                                  struct fixture_plant *plant, struct random_state *random)
+{
+    struct gyro_input input = {fixture_adc_q31(device, plant->x1, random_gauss(random)),
+                               fixture_adc_q31(device, plant->x2, random_gauss(random)), 0};
+    struct gyro_output output = gyro_step(cfg, state, &input);
+    fixture_plant_step(plant, output.drive_q31, output.rebalance_q31);
+    return output;
 }

@@ -16,9 +16,10 @@ struct fixture_device {
     double bias_rad_s;       /* cross damping as a rate */
     double rate_rad_s;
     double amplitude;        /* set-point, of full scale */
-    double force_margin;     /* full force over holding force */
+    double force_margin;     /* full force over holding force, both axes */
     double adc_noise;        /* rms, of full scale */
     uint32_t adc_bits;       /* 0: no quantiser (31 bits) */
+    uint32_t loop;           /* enum gyro_loop */
     uint32_t compensation;   /* enum gyro_compensation */
 };
 
@@ -29,7 +30,7 @@ struct fixture_device fixture_default(void);
 struct decoupler_tuning fixture_tuning(double sample_rate_hz, double center_freq_hz, double gain);
 struct gyro_cfg fixture_cfg(const struct fixture_device *device);
 
-/* Two identical modes under a held force; the secondary is coupled by rate and cross damping. Positions of full scale. */
+/* Two identical modes under held forces; the secondary is coupled by rate and cross damping. Positions of full scale. */
 struct fixture_plant {
     double position_rr, position_rv, velocity_rr, velocity_rv, force_r, force_v; /* one sample's propagation */
     double full_force;
@@ -38,9 +39,14 @@ struct fixture_plant {
 };
 
 void fixture_plant_init(struct fixture_plant *plant, const struct fixture_device *device);
-void fixture_plant_step(struct fixture_plant *plant, int32_t drive_q31);
+void fixture_plant_step(struct fixture_plant *plant, int32_t drive_q31, int32_t rebalance_q31);
 
 /* Position and noise (of full scale) -> left-justified code. */
 int32_t fixture_adc_q31(const struct fixture_device *device, double position, double noise);
+
+/* One closed sample: pickoffs with noise into the gyro, its forces into the plant. */
+struct random_state;
+struct gyro_output fixture_sample(const struct fixture_device *device, const struct gyro_cfg *cfg, struct gyro_state *state,
+                                  struct fixture_plant *plant, struct random_state *random);
 
 #endif
