@@ -136,6 +136,7 @@ REFUSED = {
     "unit missing": ("time[s],rate\n0,1\n1,2\n", {}, "add --unit rate=rad/s"),
     "unit missing, name says it": ("time[s],temperature[degC],gyro_dps\n0,1,1\n1,2,1\n", {"columns": {"rate": "gyro_dps"}},
                                    "add --unit gyro_dps=deg/s"),
+    "units in names only": ("t_s,temperature_degC,gyro_a\n0,1,1\n1,2,1\n", {}, "column t_s has no unit; add --unit t_s=s"),
     "empty brackets": ("time[s],rate[]\n0,1\n1,2\n", {}, "has no unit"),
     "unknown unit": ("time[s],rate[rpm]\n0,1\n1,2\n", {}, "unknown unit 'rpm'"),
     "unknown unit given": ("time[s],rate\n0,1\n1,2\n", {"unit_of": {"rate": "rpm"}}, "unknown unit 'rpm'"),

@@ -124,11 +124,18 @@ def _choose_columns(table: Table, options: ImportOptions) -> dict[str, Column]:
 
 
 def _usual_role(name: str) -> str | None:
+    stem, _, ending = name.rpartition("_")
     for role, usual in _USUAL_NAMES.items():
-        if name.lower() in usual:
+        if name.lower() in usual or (stem.lower() in usual and _is_unit_of(ending, role)):
             return role
     known = CHANNELS.get(name)
     return name if known is not None and known.tap != "raw" else None
+
+
+def _is_unit_of(ending: str, role: str) -> bool:
+    """t_s, temperature_degC: the ending says what the column is. It is no statement of the unit: that is asked for."""
+    unit = units.find(ending)
+    return unit is not None and unit.dimension == ("time" if role == "time" else units.find(CHANNELS[_channel(role)].unit).dimension)
 
 
 def _check_complete(table: Table, chosen: dict[str, Column]) -> None:
