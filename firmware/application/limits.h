@@ -11,7 +11,7 @@
 #define AGC_PROPORTIONAL_MAX_Q16 (INT64_C(1000) << 16) /* full force for an error of 1/1000 of full scale */
 #define AGC_INTEGRAL_MAX_Q24     (INT64_C(64) << 24)
 
-#define REBALANCE_PROPORTIONAL_MAX_Q16 (INT64_C(1000) << 16)
+#define REBALANCE_PROPORTIONAL_MAX_Q16 (INT64_C(32000) << 16) /* a shell of Q = 1e6 needs 17000 for 100 Hz */
 #define REBALANCE_INTEGRAL_MAX_Q24     (INT64_C(64) << 24)
 
 #define PHASE_SET_POINT_MAX_I32 (INT64_C(1) << 29) /* 45 degrees */

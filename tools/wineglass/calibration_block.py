@@ -83,7 +83,7 @@ class Calibration(Section):
     amplitude_set_point_fs: float = quantity(..., "FS", "amplitude of the primary, of ADC full scale", ge=1 / 32, le=_AMPLITUDE_MAX_Q30 / 2**30)
     drive_limit_fs: float = quantity(..., "FS", "largest drive force, of DAC full scale", gt=0.0,
                                     le=_DRIVE_MAX_Q31 / 2**31)
-    rebalance_kp: float = quantity(0.0, "FS/FS", "rebalance loop, force per amplitude", ge=0.0, le=1000.0)
+    rebalance_kp: float = quantity(0.0, "FS/FS", "rebalance loop, force per amplitude", ge=0.0, le=32000.0)
     rebalance_ki_per_s: float = quantity(0.0, "FS/FS/s", "rebalance loop, integral", ge=0.0)
     rebalance_in_phase_limit_fs: float = quantity(0.0, "FS", "largest in-phase rebalance force", ge=0.0, le=_DRIVE_MAX_Q31 / 2**31)
     rebalance_quadrature_limit_fs: float = quantity(0.0, "FS", "largest quadrature force", ge=0.0, le=_DRIVE_MAX_Q31 / 2**31)

@@ -91,6 +91,7 @@ class Adc(Section):
     primary_offset_fs: float = quantity(0.0, "FS", "offset of the primary channel", ge=-0.1, le=0.1)
     secondary_offset_fs: float = quantity(0.0, "FS", "offset of the secondary channel", ge=-0.1, le=0.1)
     delay_samples: float = quantity(0.0, "sample", "conversion delay of both channels", ge=0, le=7)
+    secondary_delay_samples: float = quantity(0.0, "sample", "what the secondary channel is later than the primary", ge=0, le=7)
 
     @property
     def noise_fs_rms(self) -> float:
@@ -132,6 +133,7 @@ class Firmware(Section):
     amplitude_fs: float = quantity(0.9, "FS", "set-point of the primary amplitude", gt=0.05, le=0.98)
     pll_bandwidth_hz: float = quantity(40.0, "Hz", "bandwidth of the drive loop's phase", ge=1, le=200)
     agc_bandwidth_hz: float = quantity(5.0, "Hz", "bandwidth of the amplitude control", ge=0.01, le=50)
+    rebalance_bandwidth_hz: float = quantity(100.0, "Hz", "design bandwidth of force-to-rebalance; delay makes the closed loop faster", ge=1, le=300)
     search_fraction: float = quantity(0.012, "1", "cold start looks for the resonance within +- this of nominal", gt=0, le=0.05)
 
 

@@ -23,6 +23,7 @@ SETTLE_TICKS = 20  # loop ticks; the decimator forgets the drive within three
 LISTEN_S = 0.1
 AUDIBLE_FS = 3e-4  # 50 dB under full scale and 20 dB over the noise of a loop tick
 DRIVE_LIMIT_FS = 0.9999
+IN_PHASE_LIMIT_FS, QUADRATURE_LIMIT_FS = 0.9, 0.43  # together 0.9975: the DAC holds both at once
 FIT_TARGET = 1e-6  # relative; the order grows until the fit is this good or MAX_ORDER is reached
 
 
@@ -76,6 +77,40 @@ def _scale(device: Device, temperature_degc: np.ndarray) -> np.ndarray:
     return 2.0 * device.resonator.secondary_decay_rate_at(temperature_degc) / device.resonator.angular_gain
 
 
+def rebalance_scale_fit(device: Device) -> Fit:
+    """K(T) = F/(g 2 pi f) [rad/s per unit of in-phase force over primary amplitude]: the force that holds the secondary at rest is g W x1'."""
+    full, gain = rebalance_acceleration_fs_s2(device), device.resonator.angular_gain
+    return fit(lambda t: full / (gain * 2.0 * math.pi * device.resonator.frequency_at(t)), device)
+
+
+def demodulation_phase_rad(device: Device) -> float:
+    """By which the secondary pickoff lags the primary: what its channel is later."""
+    return 2.0 * math.pi * device.electronics.adc.secondary_delay_samples * device.resonator.frequency_hz / device.electronics.sample_rate_hz
+
+
+def held_output(device: Device) -> float:
+    """What the DAC's zero-order hold leaves of a force at the carrier: sinc(f/fs)."""
+    return float(np.sinc(device.resonator.frequency_hz / device.electronics.sample_rate_hz))
+
+
+def rebalance_acceleration_fs_s2(device: Device) -> float:
+    """Amplitude [FS/s^2] of the fullest rebalance force at the carrier, per modal mass."""
+    return device.holding_acceleration_fs_s2 * device.electronics.dac.rebalance_reach * held_output(device)
+
+
+def rebalance_growth_per_s(device: Device) -> float:
+    """b [1/s]: how fast a full rebalance force changes the measured secondary amplitude, F/(2 w)."""
+    return rebalance_acceleration_fs_s2(device) / (4.0 * math.pi * device.resonator.frequency_hz)
+
+
+def rebalance_gains(device: Device) -> Gains:
+    """Rebalance loop, force over amplitude and the same per s. The controller's zero stands on the mode's pole, which leaves an integrator of
+    the wanted bandwidth: b Kp = 2 pi bandwidth, Ki = Kp/tau."""
+    decay = float(device.resonator.secondary_decay_rate_at(device.resonator.reference_temperature_degc))
+    proportional = 2.0 * math.pi * device.firmware.rebalance_bandwidth_hz / rebalance_growth_per_s(device)
+    return Gains(proportional, proportional * decay)
+
+
 def pll_gains(device: Device) -> Gains:
     """Phase loop, [1/s] and [1/s^2]: the oscillator's frequency answers the phase at once, so phase' = -Kp phase - Ki integral; damping 0.7."""
     proportional = 2.0 * math.pi * device.firmware.pll_bandwidth_hz
@@ -88,7 +123,7 @@ def agc_gains(device: Device) -> Gains:
     firmware = device.firmware
     decay = float(device.resonator.decay_rate_at(device.resonator.reference_temperature_degc))
     speed = 2.0 * math.pi * firmware.agc_bandwidth_hz
-    proportional = speed / (device.electronics.dac.drive_reach * firmware.amplitude_fs * decay)
+    proportional = speed / (device.electronics.dac.drive_reach * held_output(device) * firmware.amplitude_fs * decay)
     return Gains(proportional, proportional * speed / 4.0)
 
 
@@ -105,7 +140,7 @@ def search_band_hz(device: Device) -> tuple[float, float]:
 
 
 def calibration(run: Run, *, zero_rate: bool = False) -> Calibration:
-    """The nominal calibration of the run's device as described, set up for the run's mode.
+    """The nominal calibration of the run's device as described, set up for the run's loop and mode.
 
     zero_rate: the bias polynomial is the whole output at zero rate, as a thermal sweep would show it, instead of the cross damping alone.
     """
@@ -115,14 +150,18 @@ def calibration(run: Run, *, zero_rate: bool = False) -> Calibration:
         "sample_rate_hz": device.electronics.sample_rate_hz,
         "decimation": device.firmware.decimation, "loops_per_slow": device.firmware.loops_per_slow,
         **_temperature(device), **_polynomials(device, zero_rate), **_acquisition(device), **_loops(device), **_monitors(),
-        "compensation": run.scenario.mode.compensation, "output_filter": run.output_filter,
+        **_mode(run),
     }, f"nominal calibration of {device.name}")
 
 
 def from_file(run: Run, path: str) -> Calibration:
     """A calibration file (.json, or .bin as the firmware reads it), set up for the run's mode."""
     found = from_binary(_bytes_of(path), path) if path.endswith(".bin") else read_json(path)
-    return found.with_changes(compensation=run.scenario.mode.compensation, output_filter=run.output_filter)
+    return found.with_changes(**_mode(run))
+
+
+def _mode(run: Run) -> dict[str, Any]:
+    return {"loop": run.scenario.mode.loop, "compensation": run.scenario.mode.compensation, "output_filter": run.output_filter}
 
 
 def _bytes_of(path: str) -> bytes:
@@ -143,7 +182,9 @@ def _temperature(device: Device) -> dict[str, Any]:
 def _polynomials(device: Device, zero_rate: bool) -> dict[str, Any]:
     bias = zero_rate_fit(device).coefficients if zero_rate else list(device.resonator.cross_damping_rad_s)
     return {"bias_rad_s": bias, "angular_gain": device.resonator.angular_gain,
-            "scale_rad_s_per_ratio": scale_fit(device).coefficients, "decay_rate_per_s": decay_fit(device).coefficients}
+            "scale_rad_s_per_ratio": scale_fit(device).coefficients, "decay_rate_per_s": decay_fit(device).coefficients,
+            "rebalance_scale_rad_s_per_ratio": rebalance_scale_fit(device).coefficients,
+            "demodulation_phase_rad": [demodulation_phase_rad(device)]}
 
 
 def _acquisition(device: Device) -> dict[str, Any]:
@@ -160,9 +201,11 @@ def _power_of_two(seconds: float, tick_s: float) -> float:
 
 
 def _loops(device: Device) -> dict[str, Any]:
-    pll, agc = pll_gains(device), agc_gains(device)
+    pll, agc, rebalance = pll_gains(device), agc_gains(device), rebalance_gains(device)
     return {"pll_kp_per_s": pll.proportional, "pll_ki_per_s2": pll.integral, "agc_kp": agc.proportional, "agc_ki_per_s": agc.integral,
             "amplitude_set_point_fs": device.firmware.amplitude_fs, "drive_limit_fs": DRIVE_LIMIT_FS,
+            "rebalance_kp": rebalance.proportional, "rebalance_ki_per_s": rebalance.integral,
+            "rebalance_in_phase_limit_fs": IN_PHASE_LIMIT_FS, "rebalance_quadrature_limit_fs": QUADRATURE_LIMIT_FS,
             "loop_delay_samples": loop_delay_samples(device)}
 
 

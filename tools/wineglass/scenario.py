@@ -24,6 +24,7 @@ FOLDER = paths.repository_root() / "scenarios"
 class Mode(Section):
     """How the firmware runs."""
 
+    loop: Literal["open", "rebalance"] = quantity("open", "", "open: the secondary moves freely; rebalance: forces hold it at rest")
     compensation: Literal["none", "static", "g2"] = quantity("g2", "", "none; static: polynomial after demodulation; g2: decoupling before it")
     output_filter_hz: float = quantity(50.0, "Hz", "corner of the output filter; 0: none", ge=0)
 
