@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import wineglass
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -226,7 +227,7 @@ def test_identity_in_si():
     assert identity.unique_id == 0x1122334455667788 and identity.sample_rate_hz == 50000.0
     assert (identity.adc_bits, identity.dac_bits, identity.slow_period_samples) == (16, 16, 50)
     assert identity.reference_temperature_degc == 25.0 and identity.device_name == "uncalibrated"
-    assert not identity.calibration_valid and identity.firmware_version == "0.1.0"
+    assert not identity.calibration_valid and identity.firmware_version == wineglass.__version__
 
 
 def test_baseband_in_si():

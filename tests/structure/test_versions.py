@@ -1,4 +1,4 @@
-"""One version number, said in three places."""
+"""One version number, said in four places."""
 
 import re
 import tomllib
@@ -12,7 +12,9 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_cmake_python_and_package_agree():
     cmake = re.search(r"project\(wineglass VERSION ([0-9.]+)", (ROOT / "CMakeLists.txt").read_text(encoding="utf-8"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert cmake.group(1) == project["version"] == wineglass.__version__
+    header = (ROOT / "firmware/application/version.h").read_text(encoding="utf-8")
+    firmware = ".".join(re.findall(r"#define FIRMWARE_VERSION_(?:MAJOR|MINOR|PATCH) (\d+)", header))
+    assert cmake.group(1) == project["version"] == wineglass.__version__ == firmware
 
 
 def test_the_changelog_knows_the_version():

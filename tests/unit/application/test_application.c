@@ -56,7 +56,7 @@ static void bench_sample(struct bench *bench)
     int32_t adc[2], dac[2];
     bench_codes(bench, adc);
     application_sample(&bench->app, adc, dac);
-    fixture_plant_step(&bench->plant, dac[0] * 65536);
+    fixture_plant_step(&bench->plant, dac[0] * 65536, dac[1] * 65536);
     if (bench->app.sample_counter % SLOW_PERIOD == 0) {
         application_poll(&bench->app);
     }
@@ -554,7 +554,7 @@ static void polls_in_between_do_not_touch_the_sample_path(void)
         application_sample(&rare->app, adc, a);
         application_sample(&often->app, adc, b);
         TEST_ASSERT_EQUAL_INT32_ARRAY(a, b, 2);
-        fixture_plant_step(&rare->plant, a[0] * 65536);
+        fixture_plant_step(&rare->plant, a[0] * 65536, a[1] * 65536);
         if (i % 7 == 0) {
             application_poll(&often->app);
         }

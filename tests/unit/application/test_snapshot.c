@@ -122,7 +122,7 @@ static void expect_equal_for(struct run *run, struct snapshot *other, int sample
         TEST_ASSERT_EQUAL_INT32(a.drive_q31, b.drive_q31);
         TEST_ASSERT_EQUAL_INT32(a.rebalance_q31, b.rebalance_q31);
         TEST_ASSERT_EQUAL(a.slow_tick, b.slow_tick);
-        fixture_plant_step(&run->plant, a.drive_q31);
+        fixture_plant_step(&run->plant, a.drive_q31, a.rebalance_q31);
     }
     uint8_t mine[SNAPSHOT_MAX], theirs[SNAPSHOT_MAX];
     write_whole(&run->gyro, mine);
@@ -134,7 +134,8 @@ static void advance(struct run *run, int samples)
 {
     for (int i = 0; i < samples; i++) {
         struct gyro_input input = next_input(run);
-        fixture_plant_step(&run->plant, gyro_step(&run->gyro.cfg, &run->gyro.state, &input).drive_q31);
+        struct gyro_output output = gyro_step(&run->gyro.cfg, &run->gyro.state, &input);
+        fixture_plant_step(&run->plant, output.drive_q31, output.rebalance_q31);
     }
 }
 
