@@ -52,8 +52,8 @@ int main(void)
         temperature[i] = 25.0 + 1e-3 * i;
         rate[i] = 1e-4 * i;
     }
-    printf("plant, parameters constant            %7.1f M samples/s\n", 1e-6 * best_rate(NULL, NULL, forces));
-    printf("plant, parameters new in every block  %7.1f M samples/s\n", 1e-6 * best_rate(temperature, rate, forces));
+    printf("plant_constant\t%.2f\tMSa/s\n", 1e-6 * best_rate(NULL, NULL, forces));
+    printf("plant_changing\t%.2f\tMSa/s\n", 1e-6 * best_rate(temperature, rate, forces));
     free(temperature);
     free(rate);
     free(forces);

@@ -53,7 +53,7 @@ int main(void)
     }
     const struct twin_profile constant = {.n_blocks = BLOCKS};
     const struct twin_profile changing = {.n_blocks = BLOCKS, .rate_rad_s = rate, .chamber_degc = chamber};
-    printf("twin, parameters constant             %7.1f M samples/s\n", 1e-6 * best_rate(&constant));
-    printf("twin, parameters new in every block   %7.1f M samples/s\n", 1e-6 * best_rate(&changing));
+    printf("twin_constant\t%.2f\tMSa/s\n", 1e-6 * best_rate(&constant));
+    printf("twin_changing\t%.2f\tMSa/s\n", 1e-6 * best_rate(&changing));
     return EXIT_SUCCESS;
 }
