@@ -12,6 +12,11 @@ void adc_init(const struct electronics_cfg *cfg, struct adc *adc)
     adc->code_span = 2 * (uint64_t)full_scale - 1;
 }
 
+void adc_set_gain(struct adc *adc, const double gain[2])
+{
+    adc->codes_per_fs = pair_of((double)-adc->low_code) * (pair){gain[0], gain[1]};
+}
+
 void dac_init(const struct electronics_cfg *cfg, struct dac *dac)
 {
     int64_t full_scale = INT64_C(1) << (cfg->dac_bits - 1);

@@ -16,6 +16,7 @@ struct electronics_cfg {
     double adc_noise_rms_fs[2];  /* FS rms; 2.236e-5 (90 dB); white Gaussian before quantisation */
     double adc_offset_fs[2];     /* FS; 0 */
     double adc_delay_samples;    /* samples, 0..7; 0; the code of instant t holds the displacement of t - delay */
+    double adc_secondary_delay_samples; /* samples, 0..7; 0; what the secondary channel is later than the primary */
     double dac_latency_samples;  /* samples, 0..7; 1; the code computed at sample n acts from n + latency for one sample */
 };
 /* cdef end */
@@ -36,6 +37,9 @@ struct dac {
 };
 
 void adc_init(const struct electronics_cfg *cfg, struct adc *adc);
+
+/* Gains of what stands between displacement and converter; 1 after adc_init. */
+void adc_set_gain(struct adc *adc, const double gain[2]);
 
 void dac_init(const struct electronics_cfg *cfg, struct dac *dac);
 

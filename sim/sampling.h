@@ -1,5 +1,5 @@
 /* The resonator between two conversions: one sample interval with the force switching where the DAC's latency puts it, and the
- * displacement as the ADC's delay sees it. Exact for held forces; whole samples are delay lines, fractions are maps. */
+ * displacements as the pickoffs' delays see them. Exact for held forces; whole samples are delay lines, fractions are maps. */
 #ifndef SIM_SAMPLING_H
 #define SIM_SAMPLING_H
 
@@ -10,14 +10,23 @@
 
 #define SAMPLING_HISTORY 16 /* more than the longest latency, 7 samples, plus 2 */
 
-/* Set once. */
+/* What an effect may change from block to block; all in samples. */
+struct sampling_delays {
+    double latency_samples;     /* from conversion to force, at least 0 */
+    double pickoff_samples[2];  /* from displacement to conversion, above -1: a lead sees the present force going on */
+    double drive_feedthrough;   /* of the drive force that acts at the conversion, on the secondary pickoff; FS/FS */
+};
+
+/* Delays taken apart. */
 struct sampling_plan {
     double period_s;
     uint32_t latency_samples;   /* whole part of the DAC latency */
     double latency_fraction;    /* 0 <= fraction < 1 */
-    uint32_t delay_samples;     /* whole part of the ADC delay */
-    double delay_fraction;
-    bool fractions;             /* any fraction is not zero */
+    uint32_t delay_samples[2];  /* whole part of the pickoffs' delays */
+    double delay_fraction[2];   /* the rest, below 1; negative: a lead */
+    double drive_feedthrough;
+    bool fractions;             /* the displacements need the views: any fraction, or a feedthrough */
+    bool delays;                /* any whole sample of delay */
 };
 
 /* One displacement that was delay_fraction ago, from the state and the two forces of the interval. */
@@ -39,7 +48,7 @@ struct sampling_history {
     pair displacement[SAMPLING_HISTORY]; /* as seen at that sample, before whole samples of delay */
 };
 
-void sampling_plan_init(double period_s, double adc_delay_samples, double dac_latency_samples, struct sampling_plan *plan);
+void sampling_plan_init(double period_s, const struct sampling_delays *delays, struct sampling_plan *plan);
 
 void sampling_map_at(const struct sampling_plan *plan, const struct resonator_coefs *coefs, double velocity_scale_rad_s,
                      struct sampling_map *map);
@@ -84,9 +93,10 @@ static inline pair sampling_step(const struct sampling_plan *plan, const struct 
         resonator_step(&map->whole, state, pushed);
         seen = (pair){state->mode[0][0], state->mode[1][0]};
     }
-    if (plan->delay_samples != 0) {
+    if (plan->delays) {
         history->displacement[sample % SAMPLING_HISTORY] = seen;
-        seen = sampling_past(history->displacement, sample, plan->delay_samples);
+        seen = (pair){sampling_past(history->displacement, sample, plan->delay_samples[0])[0],
+                      sampling_past(history->displacement, sample, plan->delay_samples[1])[1]};
     }
     return seen;
 }

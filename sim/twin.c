@@ -1,5 +1,6 @@
 #include "sim/twin.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,42 +8,96 @@
 
 /* ---- creation ---------------------------------------------------------------------------------------------------------- */
 
-static void read_thermometer(struct twin *twin)
+/* now: the instant of the reading. */
+static void read_thermometer(struct twin *twin, const struct effect_context *now)
 {
     double noise_degc = 0.0;
+    double sensed_degc = effect_set_thermometer(&twin->effects, now, twin->temperature.thermometer_degc);
     if (twin->cfg.thermal.thermometer_noise_degc > 0.0) {
         noise_gaussian(&twin->noise_table, &twin->stream[TWIN_STREAM_THERMOMETER], 1, &noise_degc);
         noise_degc *= twin->cfg.thermal.thermometer_noise_degc;
     }
-    twin->thermometer_code = thermometer_code(&twin->cfg.thermal, twin->temperature.thermometer_degc + noise_degc);
+    double reading_degc = effect_set_reading(&twin->effects, now, sensed_degc + noise_degc, 0.0);
+    twin->thermometer_code = thermometer_code(&twin->cfg.thermal, reading_degc);
     wg_device_set_thermometer(twin->device, twin->thermometer_code);
 }
 
-/* Parameters of the block's middle; the maps only when one of them changed. */
-static void set_parameters(struct twin *twin, double shell_degc, double rate_rad_s, double rate_dot_rad_s2)
+void twin_parameters_at(const struct twin *twin, const struct effect_context *now, double rate_rad_s, double rate_dot_rad_s2,
+                        struct plant_parameters *parameters)
 {
-    struct resonator_coefs coefs;
-    resonator_coefs_at(&twin->resonator, shell_degc, rate_rad_s, rate_dot_rad_s2, &coefs);
-    if (memcmp(&coefs, &twin->coefs, sizeof coefs) != 0) {
-        twin->coefs = coefs;
-        sampling_map_at(&twin->sampling_plan, &coefs, twin->resonator.velocity_scale_rad_s, &twin->map);
+    resonator_coefs_at(&twin->resonator, now->shell_degc, rate_rad_s, rate_dot_rad_s2, &parameters->resonator);
+    parameters->path = path_nominal();
+    effect_set_parameters(&twin->effects, now, parameters);
+}
+
+static double primary_amplitude(const struct twin *twin)
+{
+    pair primary = twin->motion.mode[0];
+    return sqrt(primary[0] * primary[0] + primary[1] * primary[1]);
+}
+
+struct effect_context twin_context(const struct twin *twin, double blocks)
+{
+    double block_s = twin->cfg.block_samples / twin->cfg.sample_rate_hz;
+    return (struct effect_context){
+        .time_s = (double)twin->sample / twin->cfg.sample_rate_hz + blocks * block_s,
+        .duration_s = block_s,
+        .amplitude_fs = twin->effects.count > 0 ? primary_amplitude(twin) : 0.0,
+        .reference_degc = twin->cfg.resonator.reference_degc,
+        .velocity_scale_rad_s = twin->resonator.velocity_scale_rad_s,
+        .seed = twin->cfg.seed,
+    };
+}
+
+static void set_path(struct twin *twin, const struct path_parameters *path)
+{
+    const struct electronics_cfg *electronics = &twin->cfg.electronics;
+    double period_s = path->clock_ratio / twin->cfg.sample_rate_hz;
+    struct sampling_delays delays = {
+        .latency_samples = electronics->dac_latency_samples + path->force_delay_s / period_s,
+        .pickoff_samples = {electronics->adc_delay_samples + path->pickoff_delay_s[0] / period_s,
+                            electronics->adc_delay_samples + path->pickoff_delay_s[1] / period_s},
+        .drive_feedthrough = path->drive_feedthrough,
+    };
+    sampling_plan_init(period_s, &delays, &twin->sampling_plan);
+    adc_set_gain(&twin->adc, path->pickoff_gain);
+}
+
+/* Parameters of the block's middle; plan and maps only when one of them changed. */
+static void set_parameters(struct twin *twin, const struct effect_context *now, double rate_rad_s, double rate_dot_rad_s2)
+{
+    struct plant_parameters parameters;
+    twin_parameters_at(twin, now, rate_rad_s, rate_dot_rad_s2, &parameters);
+    if (memcmp(&parameters.path, &twin->parameters.path, sizeof parameters.path) != 0) {
+        set_path(twin, &parameters.path);
     }
+    if (memcmp(&parameters, &twin->parameters, sizeof parameters) != 0) {
+        twin->parameters = parameters;
+        sampling_map_at(&twin->sampling_plan, &parameters.resonator, twin->resonator.velocity_scale_rad_s, &twin->map);
+    }
+}
+
+/* At rest, at power-up. */
+static void set_first_parameters(struct twin *twin)
+{
+    struct effect_context now = twin_context(twin, 0.0);
+    now.duration_s = 0.0;
+    now.shell_degc = twin->temperature.shell_degc;
+    set_parameters(twin, &now, 0.0, 0.0);
+    read_thermometer(twin, &now);
 }
 
 static void init_parts(struct twin *twin)
 {
     const struct twin_cfg *cfg = &twin->cfg;
-    double period_s = 1.0 / cfg->sample_rate_hz;
     resonator_init(&cfg->resonator, &twin->resonator);
-    thermal_init(&cfg->thermal, period_s * cfg->block_samples, &twin->thermal_plan, &twin->temperature);
-    sampling_plan_init(period_s, cfg->electronics.adc_delay_samples, cfg->electronics.dac_latency_samples, &twin->sampling_plan);
+    thermal_init(&cfg->thermal, 1.0 / cfg->sample_rate_hz * cfg->block_samples, &twin->thermal_plan, &twin->temperature);
     noise_table_init(&twin->noise_table);
     dac_init(&cfg->electronics, &twin->dac);
     adc_init(&cfg->electronics, &twin->adc);
     for (uint32_t stream = 0; stream < TWIN_STREAM_COUNT; stream++) {
         noise_init(&twin->stream[stream], cfg->seed, stream);
     }
-    set_parameters(twin, twin->temperature.shell_degc, 0.0, 0.0);
 }
 
 static struct wg_device *create_device(const struct twin_cfg *cfg, const uint8_t *block, size_t size)
@@ -86,7 +141,7 @@ static int32_t create(const struct twin_cfg *cfg, const uint8_t *block, size_t s
         twin_destroy(twin);
         return error;
     }
-    read_thermometer(twin);
+    set_first_parameters(twin);
     *result = twin;
     return TWIN_OK;
 }
@@ -114,6 +169,14 @@ void twin_destroy(struct twin *twin)
     free(twin);
 }
 
+int32_t twin_set_effects(struct twin *twin, const struct effect_setting *effects, uint32_t n_effects)
+{
+    int32_t result = effect_set_init(&twin->effects, effects, n_effects) ? TWIN_OK : TWIN_ERROR_EFFECT;
+    noise_init(&twin->stream[TWIN_STREAM_THERMOMETER], twin->cfg.seed, TWIN_STREAM_THERMOMETER);
+    set_first_parameters(twin);
+    return result;
+}
+
 struct wg_device *twin_device(struct twin *twin)
 {
     return twin->device;
@@ -131,9 +194,23 @@ static void draw_noise(struct twin *twin)
     }
 }
 
+static pair through_pickoff(struct effect_set *effects, uint64_t sample, pair displacement)
+{
+    double values[2] = {displacement[0], displacement[1]};
+    effect_set_pickoff(effects, sample, values);
+    return (pair){values[0], values[1]};
+}
+
+static pair through_force(struct effect_set *effects, uint64_t sample, pair force)
+{
+    double values[2] = {force[0], force[1]};
+    effect_set_force(effects, sample, values);
+    return (pair){values[0], values[1]};
+}
+
 /* Samples first .. end - 1 of the present block. codes: 4 per sample of the block, or NULL. What the loop uses all the time is held in
- * local variables, so that a compiler need not fear that the device changes it. */
-static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
+ * local variables, so that a compiler need not fear that the device changes it. hooked: a constant of the caller. */
+static inline void run_samples_hooked(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes, bool hooked)
 {
     struct wg_device *device = twin->device;
     const struct sampling_plan plan = twin->sampling_plan;
@@ -146,9 +223,11 @@ static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t
         int32_t adc[2], dac[2];
         sample++;
         pair seen = sampling_step(&plan, &twin->map, &twin->history, sample, &motion);
+        seen = hooked ? through_pickoff(&twin->effects, sample, seen) : seen;
         adc_convert(&twin->adc, seen, (pair){noise[0][i], noise[1][i]}, adc, &adc_saturations);
         wg_device_sample(device, adc, dac);
-        sampling_push_force(&twin->history, sample, dac_convert(&twin->dac, dac, &dac_saturations));
+        pair force = dac_convert(&twin->dac, dac, &dac_saturations);
+        sampling_push_force(&twin->history, sample, hooked ? through_force(&twin->effects, sample, force) : force);
         if (codes) {
             memcpy(codes + 4 * i, adc, sizeof adc);
             memcpy(codes + 4 * i + 2, dac, sizeof dac);
@@ -160,15 +239,31 @@ static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t
     twin->dac_saturations += dac_saturations;
 }
 
+static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
+{
+    if (twin->effects.samples) {
+        run_samples_hooked(twin, first, end, codes, true);
+    } else {
+        run_samples_hooked(twin, first, end, codes, false);
+    }
+}
+
 static void run_block(struct twin *twin, double rate_rad_s, double rate_dot_rad_s2, double chamber_end_degc, int32_t *codes)
 {
     struct thermal_point middle;
     uint32_t last = twin->cfg.block_samples - 1;
+    double shell_start_degc = twin->temperature.shell_degc;
+    struct effect_context now = twin_context(twin, 0.5);
     thermal_step(&twin->thermal_plan, &twin->temperature, chamber_end_degc, &middle);
-    set_parameters(twin, middle.shell_degc, rate_rad_s, rate_dot_rad_s2);
+    now.shell_degc = middle.shell_degc;
+    now.shell_slope_degc_s = (twin->temperature.shell_degc - shell_start_degc) / now.duration_s;
+    set_parameters(twin, &now, rate_rad_s, rate_dot_rad_s2);
     draw_noise(twin);
     run_samples(twin, 0, last, codes);
-    read_thermometer(twin);
+    now.time_s += 0.5 * now.duration_s;
+    now.shell_degc = twin->temperature.shell_degc;
+    effect_set_advance(&twin->effects, &now);
+    read_thermometer(twin, &now);
     run_samples(twin, last, last + 1, codes);
 }
 

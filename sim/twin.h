@@ -5,8 +5,8 @@
  * of each block, just before the block's last sample is handed to the firmware.
  *
  * The same configuration, profile and seed give the same bytes on every machine with IEEE 754 double arithmetic.
- * Structures hold plain numbers only. The regions between the cdef marks of resonator.h, thermal.h, electronics.h and this file,
- * in this order, are what a foreign-function interface needs. */
+ * Structures hold plain numbers only. The regions between the cdef marks of resonator.h, thermal.h, electronics.h, effects/effect.h and
+ * this file, in this order, are what a foreign-function interface needs. */
 #ifndef SIM_TWIN_H
 #define SIM_TWIN_H
 
@@ -14,6 +14,7 @@
 #include <stdint.h>
 
 #include "hal/host/wg_export.h"
+#include "sim/effects/effect.h"
 #include "sim/electronics.h"
 #include "sim/resonator.h"
 #include "sim/thermal.h"
@@ -88,6 +89,9 @@ struct twin_truth {
 WG_EXPORT struct twin *twin_create(const struct twin_cfg *cfg, const uint8_t *calibration_block, size_t calibration_bytes, int32_t *error);
 
 WG_EXPORT void twin_destroy(struct twin *twin);
+
+/* Switches effects on (and those of an earlier call off), before the first run. 0, or TWIN_ERROR_EFFECT and none is on. */
+WG_EXPORT int32_t twin_set_effects(struct twin *twin, const struct effect_setting *effects, uint32_t n_effects);
 
 /* Runs profile->n_blocks blocks from where the last call ended. record may be NULL. Splitting a run into calls changes nothing.
  * 0, or a negative enum twin_error and nothing was run. */

@@ -3,6 +3,7 @@
 #define SIM_TWIN_INTERNAL_H
 
 #include "hal/host/wineglass_device.h"
+#include "sim/effect_set.h"
 #include "sim/noise.h"
 #include "sim/sampling.h"
 #include "sim/twin.h"
@@ -22,7 +23,7 @@ struct twin {
     struct noise_table noise_table;
 
     /* Of the present block. */
-    struct resonator_coefs coefs;
+    struct plant_parameters parameters;
     struct sampling_map map;
     double *noise[2]; /* block_samples Gaussian numbers per ADC channel */
 
@@ -31,6 +32,7 @@ struct twin {
     struct resonator_state motion;
     struct sampling_history history;
     struct noise_state stream[TWIN_STREAM_COUNT];
+    struct effect_set effects;
     int32_t thermometer_code;
     uint64_t sample;
     uint64_t adc_saturations, dac_saturations;
@@ -39,6 +41,13 @@ struct twin {
 /* TWIN_OK or what is wrong. */
 int32_t twin_check_cfg(const struct twin_cfg *cfg);
 int32_t twin_check_profile(const struct twin *twin, const struct twin_profile *profile);
+
+/* The plant under these circumstances, effects included. */
+void twin_parameters_at(const struct twin *twin, const struct effect_context *now, double rate_rad_s, double rate_dot_rad_s2,
+                        struct plant_parameters *parameters);
+
+/* What effects may look at, `blocks` after the present block's beginning. */
+struct effect_context twin_context(const struct twin *twin, double blocks);
 
 /* Phase of the device's oscillator at the last sample, in turns. */
 double twin_oscillator_turns(const struct twin *twin);

@@ -17,7 +17,8 @@ double twin_oscillator_hz(const struct twin *twin)
 struct twin_phasor twin_phasor(const struct twin *twin, int mode)
 {
     struct elementary_pair reference = elementary_cos_sin_turns(twin_oscillator_turns(twin));
-    double frequency = sqrt(0.5 * (twin->coefs.stiffness[0] + twin->coefs.stiffness[1]));
+    const struct resonator_coefs *coefs = &twin->parameters.resonator;
+    double frequency = sqrt(0.5 * (coefs->stiffness[0] + coefs->stiffness[1]));
     double real = twin->motion.mode[mode][0];
     double imaginary = -twin->motion.mode[mode][1] * (twin->resonator.velocity_scale_rad_s / frequency);
     return (struct twin_phasor){
@@ -28,8 +29,11 @@ struct twin_phasor twin_phasor(const struct twin *twin, int mode)
 
 void twin_truth(const struct twin *twin, struct twin_truth *truth)
 {
-    struct resonator_coefs now;
-    resonator_coefs_at(&twin->resonator, twin->temperature.shell_degc, twin->coefs.rate_rad_s, twin->coefs.rate_dot_rad_s2, &now);
+    struct plant_parameters parameters;
+    struct effect_context at = twin_context(twin, 0.0);
+    at.shell_degc = twin->temperature.shell_degc;
+    twin_parameters_at(twin, &at, twin->parameters.resonator.rate_rad_s, twin->parameters.resonator.rate_dot_rad_s2, &parameters);
+    const struct resonator_coefs now = parameters.resonator;
     double primary_rad_s = sqrt(now.stiffness[0] - now.rate_rad_s * now.rate_rad_s);
     struct twin_phasor primary = twin_phasor(twin, 0);
     struct twin_phasor secondary = twin_phasor(twin, 1);

@@ -15,8 +15,8 @@ from cffi import FFI
 from wineglass import paths
 from wineglass.errors import BadInput
 
-HEADERS = ("hal/host/wineglass_device.h", "sim/resonator.h", "sim/thermal.h", "sim/electronics.h", "sim/twin.h",
-           "sim/effects/effect.h", "sim/effect_set.h", "sim/envelope.h")
+HEADERS = ("hal/host/wineglass_device.h", "sim/resonator.h", "sim/thermal.h", "sim/electronics.h",
+           "sim/effects/effect.h", "sim/twin.h", "sim/effect_set.h", "sim/envelope.h")
 BEGIN, END = "/* cdef begin */", "/* cdef end */"
 
 

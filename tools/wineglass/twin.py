@@ -9,16 +9,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from wineglass import effects as catalogue
 from wineglass import nominal
 from wineglass.calibration_block import Calibration, to_binary
 from wineglass.device import Device
+from wineglass.effects import Setting
 from wineglass.errors import BadInput
 from wineglass.native import ffi, library, pointer
 from wineglass.scenario import Run
@@ -81,7 +83,7 @@ class Twin:
     """Plant and firmware in one loop. State continues from call to call; splitting a run into calls changes nothing."""
 
     def __init__(self, run: Run, *, calibration_block: bytes | None = None, seed: int | None = None,
-                 amplitudes: bool = False, codes: bool = False):
+                 effects: Iterable[Setting] = (), amplitudes: bool = False, codes: bool = False):
         """calibration_block: None takes the one the scenario asks for. amplitudes, codes: also return them in every Block."""
         self.run = run
         self.seed = run.scenario.seed if seed is None else seed
@@ -95,6 +97,12 @@ class Twin:
         if self._twin == ffi.NULL:
             raise refusal(run, int(error[0]), block)
         self._device = library().twin_device(self._twin)
+        self._switch_on(list(effects))
+
+    def _switch_on(self, effects: list[Setting]) -> None:
+        result = library().twin_set_effects(self._twin, catalogue.settings(effects), len(effects)) if effects else 0
+        if result != 0:
+            raise refusal(self.run, result, self.calibration_block)
 
     @property
     def blocks_done(self) -> int:
@@ -296,4 +304,5 @@ def _fill_electronics(cfg: Any, device: Device) -> None:
     cfg.adc_noise_rms_fs[0:2] = [adc.noise_fs_rms] * 2
     cfg.adc_offset_fs[0:2] = [adc.primary_offset_fs, adc.secondary_offset_fs]
     cfg.adc_delay_samples = adc.delay_samples
+    cfg.adc_secondary_delay_samples = adc.secondary_delay_samples
     cfg.dac_latency_samples = dac.latency_samples

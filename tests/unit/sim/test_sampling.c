@@ -47,7 +47,9 @@ static void check(int latency_steps, int delay_steps)
     struct sampling_map map;
     struct sampling_history history = {0};
     struct resonator_state state = {{{0.2, 0.0}, {-0.1, 0.0}}};
-    sampling_plan_init(period_s, (double)delay_steps / FINE, (double)latency_steps / FINE, &plan);
+    double delay = (double)delay_steps / FINE;
+    struct sampling_delays delays = {.latency_samples = (double)latency_steps / FINE, .pickoff_samples = {delay, delay}};
+    sampling_plan_init(period_s, &delays, &plan);
     sampling_map_at(&plan, &coefs, resonator.velocity_scale_rad_s, &map);
     run_fine(latency_steps, fine);
     for (uint64_t n = 1; n <= SAMPLES; n++) {
