@@ -6,6 +6,7 @@
 #include "application/crc32.h"
 #include "application/layout.h"
 #include "application/limits.h"
+#include "application/rebalance_check.h"
 #include "core/oscillator.h"
 
 /* One field of the block, in the block's order. The value is refused unless min <= value <= max. */
@@ -148,24 +149,9 @@ static bool center_agrees(const struct decoupler_tuning *tuning)
            near(tuning->center_2cos_q40, (int64_t)tuning->center_cos_q31 * 1024, 1024);
 }
 
-/* Range: squares below 2^62, their sum below 2^63. */
-bool calibration_force_limits_fit(const struct rebalance_cfg *rebalance)
-{
-    int64_t in_phase = rebalance->in_phase_limit_q31;
-    int64_t quadrature = rebalance->quadrature_limit_q31;
-    return in_phase * in_phase + quadrature * quadrature <= DRIVE_MAX_Q31 * DRIVE_MAX_Q31;
-}
-
-bool calibration_can_rebalance(const struct gyro_cfg *gyro)
-{
-    return gyro->rebalance.proportional_q16 > 0 && gyro->rebalance.in_phase_limit_q31 > 0 &&
-           gyro->rebalance_scale_rad_s_q28.coef[0] != 0;
-}
-
 static bool rebalance_agrees(const struct gyro_cfg *gyro)
 {
-    return calibration_force_limits_fit(&gyro->rebalance) &&
-           (gyro->loop != GYRO_LOOP_REBALANCE || calibration_can_rebalance(gyro));
+    return rebalance_limits_fit(&gyro->rebalance) && (gyro->loop != GYRO_LOOP_REBALANCE || rebalance_is_described(gyro));
 }
 
 static bool fields_agree(const struct calibration *calibration)
@@ -198,6 +184,9 @@ enum reason calibration_parse(const uint8_t *block, size_t size, const struct ha
     }
     if (reason == REASON_OK && !fields_agree(&parsed)) {
         reason = REASON_CALIBRATION_CONFLICT;
+    }
+    if (reason == REASON_OK && rebalance_is_described(&parsed.gyro) && !rebalance_is_stable(&parsed.gyro)) {
+        reason = REASON_CALIBRATION_UNSTABLE;
     }
     if (reason == REASON_OK && parsed.sample_rate_millihz != board->sample_rate_millihz) {
         reason = REASON_CALIBRATION_BOARD;

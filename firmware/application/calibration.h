@@ -34,12 +34,6 @@ struct calibration {
 enum reason calibration_parse(const uint8_t *block, size_t size, const struct hal_properties *board,
                               struct calibration *calibration);
 
-/* The two parts of the rebalance force cannot leave 32 bit together. */
-bool calibration_force_limits_fit(const struct rebalance_cfg *rebalance);
-
-/* Gains, limits and scale factor of the rebalance loop are there. */
-bool calibration_can_rebalance(const struct gyro_cfg *gyro);
-
 /* The compiled-in block: 5 kHz at 50 kSa/s, Q = 1e4, no compensation. */
 extern const uint8_t calibration_default_block[CALIBRATION_BYTES];
 

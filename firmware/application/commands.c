@@ -2,6 +2,7 @@
 
 #include "application/crc32.h"
 #include "application/limits.h"
+#include "application/rebalance_check.h"
 #include "application/reports.h"
 #include "application/store.h"
 
@@ -112,12 +113,24 @@ static enum reason set_agc_gains(struct application *app, struct byte_reader *pa
 static enum reason set_loop(struct application *app, struct byte_reader *payload)
 {
     uint32_t loop = get_u32(payload);
-    bool possible = loop == GYRO_LOOP_OPEN || (loop == GYRO_LOOP_REBALANCE && calibration_can_rebalance(&app->calibration.gyro));
+    const struct gyro_cfg *gyro = &app->calibration.gyro;
+    bool possible = loop == GYRO_LOOP_OPEN || (loop == GYRO_LOOP_REBALANCE && rebalance_is_described(gyro));
+    if (possible && loop == GYRO_LOOP_REBALANCE && !rebalance_is_stable(gyro)) {
+        return REASON_UNSTABLE;
+    }
     enum reason reason = configuration_is_free(app, possible);
     if (reason == REASON_OK) {
         app->calibration.gyro.loop = loop;
     }
     return reason;
+}
+
+/* The stability is known only with a scale factor; without one the loop cannot be closed either. */
+static bool stays_stable(const struct application *app, const struct rebalance_cfg *wanted)
+{
+    struct gyro_cfg gyro = app->calibration.gyro;
+    gyro.rebalance = *wanted;
+    return !rebalance_is_described(&gyro) || rebalance_is_stable(&gyro);
 }
 
 static enum reason set_rebalance(struct application *app, struct byte_reader *payload)
@@ -130,7 +143,10 @@ static enum reason set_rebalance(struct application *app, struct byte_reader *pa
     bool in_range = within(wanted.proportional_q16, 1, REBALANCE_PROPORTIONAL_MAX_Q16) &&
                     within(wanted.integral_q24, 0, REBALANCE_INTEGRAL_MAX_Q24) &&
                     within(wanted.in_phase_limit_q31, 1, DRIVE_MAX_Q31) &&
-                    within(wanted.quadrature_limit_q31, 0, DRIVE_MAX_Q31) && calibration_force_limits_fit(&wanted);
+                    within(wanted.quadrature_limit_q31, 0, DRIVE_MAX_Q31) && rebalance_limits_fit(&wanted);
+    if (in_range && !stays_stable(app, &wanted)) {
+        return REASON_UNSTABLE;
+    }
     enum reason reason = configuration_is_free(app, in_range);
     if (reason == REASON_OK) {
         app->calibration.gyro.rebalance = wanted;

@@ -18,11 +18,15 @@ const char *reason_text(enum reason reason)
     case REASON_WRONG_KEY:
         return "wrong key";
     case REASON_BUSY:
-        return "busy with a raw burst";
+        return "busy with a raw burst or a phase calibration";
     case REASON_NOTHING_STORED:
         return "no calibration stored";
     case REASON_STORE_FAILED:
         return "store failed";
+    case REASON_UNSTABLE:
+        return "the rebalance loop would be unstable";
+    case REASON_NOT_LOCKED:
+        return "the drive loop is not locked";
     case REASON_CALIBRATION_SIZE:
         return "calibration block: wrong size";
     case REASON_CALIBRATION_MAGIC:
@@ -37,6 +41,8 @@ const char *reason_text(enum reason reason)
         return "calibration block: fields contradict each other";
     case REASON_CALIBRATION_BOARD:
         return "calibration block: made for another sampling rate";
+    case REASON_CALIBRATION_UNSTABLE:
+        return "calibration block: the rebalance loop would be unstable";
     }
     return "unknown reason";
 }

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 from pydantic import field_validator, model_validator
 
-from wineglass import fields
+from wineglass import fields, rebalance
 from wineglass.errors import BadInput
 from wineglass.fields import Section, quantity
 
@@ -123,9 +123,11 @@ class Calibration(Section):
             raise ValueError("the frequencies must lie below a third of the sample rate")
         if math.hypot(self.rebalance_in_phase_limit_fs, self.rebalance_quadrature_limit_fs) > 0.9999:
             raise ValueError("the root of the sum of the squares of both rebalance limits must not exceed 0.9999")
-        usable = self.rebalance_kp > 0.0 and self.rebalance_in_phase_limit_fs > 0.0 and self.rebalance_scale_rad_s_per_ratio[0] != 0.0
+        usable = rebalance.is_described(self)
         if self.loop == "rebalance" and not usable:
-            raise ValueError("loop rebalance needs rebalance_kp, rebalance_in_phase_limit_fs and rebalance_scale_rad_s_per_ratio")
+            raise ValueError("loop rebalance needs rebalance_kp, rebalance_in_phase_limit_fs and a positive rebalance_scale_rad_s_per_ratio")
+        if usable and not rebalance.is_accepted(rebalance.loop_of(self)):
+            raise ValueError("rebalance_kp and rebalance_ki_per_s would make the rebalance loop unstable, or nearly so")
         return self
 
     @property
