@@ -19,6 +19,7 @@ from scipy.special import gammaln, stdtr, stdtrit
 WHITE_PRIOR = 0.8
 SHARES = (0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 CORRELATION_TIMES = 8  # from a third of a block to a quarter of the record
+TIME_PRIOR = -0.5  # power of the correlation time; flat (0) covers up to 97 %, -1 falls to 93 % where the noise remembers long
 CONFIDENCE = 0.95
 _TINY = 1e-60  # variance of data without any noise
 
@@ -110,9 +111,10 @@ class LeastSquares:
     def _correlated(self, time_s: np.ndarray) -> list[_Candidate]:
         block_s = float(np.min(np.diff(time_s)))  # the least distance: a larger one is no valid covariance for nearer blocks
         times = np.geomspace(block_s / 3.0, max(block_s, (time_s[-1] - time_s[0]) / 4.0), CORRELATION_TIMES)
-        log_prior = np.log((1.0 - WHITE_PRIOR) / (len(times) * len(SHARES)))
+        weights = (1.0 - WHITE_PRIOR) / len(SHARES) * times**TIME_PRIOR / np.sum(times**TIME_PRIOR)
         return [
-            self._gauss_markov(time_s, tau_s, share * _averaged_weight(block_s / tau_s), log_prior) for tau_s in times for share in SHARES
+            self._gauss_markov(time_s, tau_s, share * _averaged_weight(block_s / tau_s), float(np.log(weight)))
+            for tau_s, weight in zip(times, weights) for share in SHARES
         ]
 
     def _gauss_markov(self, time_s: np.ndarray, tau_s: float, weight: float, log_prior: float) -> _Candidate:
