@@ -63,14 +63,15 @@ struct gyro_output gyro_step(const struct gyro_cfg *cfg, struct gyro_state *stat
     }
     lockin_step(&state->primary_lockin, input->primary_q31, reference);
     lockin_step(&state->secondary_lockin, secondary_q31, reference);
-    struct gyro_output output = {
-        dac_shaper_step(&state->drive_shaper, force_sample_q31(state->drive_force, reference), state->two_cos_q30, cfg->dac_shift,
-                        &state->drive_saturated),
-        dac_shaper_step(&state->rebalance_shaper, force_sample_q31(state->rebalance_force, reference), state->two_cos_q30,
-                        cfg->dac_shift, &state->rebalance_saturated),
-        false,
-    };
-    output.slow_tick = run_task(cfg, state, input->thermometer_raw);
+    unsigned shift = cfg->dac_shift;
+    int32_t drive_q31 = dac_shaper_step(&state->drive_shaper, force_sample_q31(state->drive_force, reference), state->two_cos_q30,
+                                        shift, &state->drive_saturated);
+    int32_t rebalance_q31 = 0;
+    if ((state->rebalance_force.cosine_q31 | state->rebalance_force.sine_q31) != 0) {
+        rebalance_q31 = dac_shaper_step(&state->rebalance_shaper, force_sample_q31(state->rebalance_force, reference),
+                                        state->two_cos_q30, shift, &state->rebalance_saturated);
+    }
+    bool slow_tick = run_task(cfg, state, input->thermometer_raw);
     advance_slot(cfg, state);
-    return output;
+    return (struct gyro_output){drive_q31, rebalance_q31, slow_tick};
 }
