@@ -1,9 +1,10 @@
 /* What the application needs of a board, and what the board's port owes the application.
  *
- * The port owns the interrupts and the main loop and calls three functions of application/application.h:
+ * The port owns the interrupts and the main loop and calls these functions of application/application.h:
  *
  *   application_sample()       interrupt    once per ADC sample, codes in, codes out
  *   application_thermometer()  any context  whenever the thermometer has a new code or stops answering (optional, see below)
+ *   application_sync()         interrupt    at a synchronisation pulse, never inside application_sample() (optional)
  *   application_poll()         background   as often as possible, at least every few slow ticks (1 ms each by default)
  *
  * In return it fills in one `struct hal`. Every function gets `context` back. All of them are called from the background only;
@@ -34,9 +35,34 @@ struct hal_properties {
     uint32_t store_program_bytes;    /* smallest unit that can be programmed: 1, 2, 4, 8, 16 or 32 */
 };
 
+/* What a board can find wrong with itself. */
+enum hal_part {
+    HAL_PART_CRYSTAL = 1u << 0,      /* oscillator of the sampling clock; without it the sample rate is as wrong as its replacement */
+    HAL_PART_CORE_CLOCK = 1u << 1,   /* full speed */
+    HAL_PART_SAMPLE_CLOCK = 1u << 2, /* clock of the converters */
+    HAL_PART_CONVERTERS = 1u << 3,   /* samples arrive; without them the sample path runs on silence, slowly */
+    HAL_PART_PICKOFFS = 1u << 4,     /* the codes of both pickoffs move: there is an analog front end */
+    HAL_PART_THERMOMETER = 1u << 5,
+    HAL_PART_STORE = 1u << 6,        /* the calibration's flash takes the key */
+    HAL_PART_IMAGE = 1u << 7,        /* the program's CRC */
+    HAL_PART_MEMORY = 1u << 8,       /* data memory keeps what is written */
+    HAL_PART_WATCHDOG = 1u << 9,     /* runs */
+    HAL_PART_UNIQUE_ID = 1u << 10,
+    HAL_PART_LAST_RUN = 1u << 11     /* the run before ended by power or by the reset line, not by watchdog or fault */
+};
+
+/* Result of the board's self-test. The first two are set at start-up, once. */
+struct hal_self_test {
+    uint32_t checked, failed; /* enum hal_part */
+    uint32_t core_clock_hz;
+    uint32_t fault_address;   /* of the instruction that ended the run before; 0: none */
+    uint32_t samples_lost;    /* the interrupt was too late */
+};
+
 struct hal {
     const struct hal_properties *properties;
     void *context;
+    const struct hal_self_test *self_test; /* sent with the identity; NULL: the board has none */
 
     /* background. Queue all `count` bytes (at most 512) or none: HAL_OK or HAL_ERROR_BUSY. Must not wait. */
     int (*bytes_write)(void *context, const uint8_t *bytes, size_t count);

@@ -30,6 +30,17 @@ static void put_calibration(struct byte_writer *writer, const struct application
     put_bytes(writer, calibration->device_name, CALIBRATION_NAME_BYTES);
 }
 
+static void report_self_test(struct application *app, const struct hal_self_test *test)
+{
+    struct byte_writer writer = sender_payload(&app->sender);
+    put_u32(&writer, test->checked);
+    put_u32(&writer, test->failed);
+    put_u32(&writer, test->core_clock_hz);
+    put_u32(&writer, test->fault_address);
+    put_u32(&writer, test->samples_lost);
+    send(app, FRAME_SELF_TEST, writer);
+}
+
 void report_identity(struct application *app)
 {
     struct byte_writer writer = sender_payload(&app->sender);
@@ -42,6 +53,9 @@ void report_identity(struct application *app)
     put_board(&writer, app->hal->properties);
     put_calibration(&writer, app);
     send(app, FRAME_IDENTITY, writer);
+    if (app->hal->self_test != NULL) {
+        report_self_test(app, app->hal->self_test);
+    }
 }
 
 static void put_settings(struct byte_writer *writer, struct application *app)
@@ -84,6 +98,25 @@ void report_status(struct application *app)
     put_settings(&writer, app);
     put_counters(&writer, app);
     send(app, FRAME_STATUS, writer);
+}
+
+static void put_phase(struct byte_writer *writer, struct phase_found found, int32_t total_rad_q31)
+{
+    put_i32(writer, found.correction_rad_q31);
+    put_i32(writer, found.uncertainty_rad_q31);
+    put_i32(writer, total_rad_q31);
+}
+
+void report_phases(struct application *app)
+{
+    const struct phase_result *result = &app->phase_calibration.result;
+    struct byte_writer writer = sender_payload(&app->sender);
+    put_u16(&writer, (uint16_t)result->outcome);
+    put_u16(&writer, (uint16_t)result->parts);
+    put_i32(&writer, result->temperature_shift_q20);
+    put_phase(&writer, result->drive, result->drive_rad_q31);
+    put_phase(&writer, result->demodulation, result->demodulation_rad_q31);
+    send(app, FRAME_PHASES, writer);
 }
 
 void report_ack(struct application *app, const struct frame_header *command, enum reason reason)

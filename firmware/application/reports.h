@@ -4,7 +4,11 @@
 
 #include "application/application.h"
 
+/* Identity, and the board's self-test if it has one. */
 void report_identity(struct application *app);
+/* Result of the last phase calibration. */
+void report_phases(struct application *app);
+
 void report_status(struct application *app);
 void report_ack(struct application *app, const struct frame_header *command, enum reason reason);
 

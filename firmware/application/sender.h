@@ -18,7 +18,10 @@ enum frame_type {
     FRAME_RAW = 5,
     FRAME_SNAPSHOT = 6,
     FRAME_ACK = 7,
-    FRAME_CALIBRATION = 8
+    FRAME_CALIBRATION = 8,
+    FRAME_SELF_TEST = 9,
+    FRAME_SYNC = 10,
+    FRAME_PHASES = 11
 };
 
 struct sender {

@@ -42,6 +42,7 @@ def size_of(kind):
 @pytest.mark.parametrize(("title", "kind"), [
     ("1 identity", wire.FrameType.IDENTITY), ("2 status", wire.FrameType.STATUS), ("3 baseband", wire.FrameType.BASEBAND),
     ("4 output", wire.FrameType.OUTPUT), ("7 acknowledgement", wire.FrameType.ACK),
+    ("9 self-test", wire.FrameType.SELF_TEST),
 ])
 def test_frames_have_no_holes_and_their_size(title, kind):
     at = 0
@@ -87,3 +88,7 @@ def test_commands_and_reasons():
 def test_status_bits():
     assert [bit for bit, *_ in re.findall(r"^\| (\d+) \|(.*)\|$", section("Status word"), re.MULTILINE)] == [
         str(bit.bit_length() - 1) for bit in wire.Status]
+
+
+def test_parts_of_a_board():
+    assert sorted(map(int, re.findall(r"\| bit (\d+) \|", section("9 self-test")))) == [part.bit_length() - 1 for part in wire.Part]

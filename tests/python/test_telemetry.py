@@ -121,7 +121,7 @@ def test_device_stream_holds_every_frame_type(stream):
     decoder = Decoder()
     frames = decoder.feed(stream)
     expect_same(frames, decode_plainly(stream))
-    for kind in FrameType:
+    for kind in set(FrameType) - {FrameType.SELF_TEST}:  # that one comes from boards
         assert len(getattr(frames, kind.name.lower())) > 0, kind
     statistics = decoder.statistics
     assert (statistics.bad_crc, statistics.bad_packets, statistics.unknown, statistics.lost_frames) == (0, 0, 0, 0)
@@ -263,6 +263,7 @@ def constants(header, prefix):
 @pytest.mark.parametrize(("enumeration", "header", "prefix"), [
     (wire.Status, "core/gyro.h", "GYRO_STATUS_"), (Reason, "application/reason.h", "REASON_"),
     (Command, "application/commands.h", "COMMAND_"), (FrameType, "application/sender.h", "FRAME_"),
+    (wire.Part, "../hal/hal.h", "HAL_PART_"),
 ])
 def test_numbers_are_those_of_the_firmware(enumeration, header, prefix):
     assert constants(header, prefix) == {member.name: member.value for member in enumeration}

@@ -62,6 +62,9 @@ class Frames:
     baseband: np.ndarray
     output: np.ndarray
     ack: np.ndarray
+    self_test: np.ndarray
+    sync: np.ndarray
+    phases: np.ndarray
     raw: list[Chunk] = field(default_factory=list)
     snapshot: list[Chunk] = field(default_factory=list)
     calibration: list[Chunk] = field(default_factory=list)
@@ -74,7 +77,8 @@ class Frames:
         return sum(len(getattr(self, name)) for name in self.__dataclass_fields__)
 
 
-_CLOSED = (FrameType.IDENTITY, FrameType.STATUS, FrameType.BASEBAND, FrameType.OUTPUT, FrameType.ACK)
+_CLOSED = (FrameType.IDENTITY, FrameType.STATUS, FrameType.BASEBAND, FrameType.OUTPUT, FrameType.ACK,
+           FrameType.SELF_TEST, FrameType.SYNC, FrameType.PHASES)
 
 
 class Decoder:
@@ -339,6 +343,8 @@ def conversions(identity: Identity) -> dict[str, dict[str, Conversion]]:
             "temperature_measured": Conversion("temperature_shift", "degC", 2.0**-20, identity.reference_temperature_degc),
             "rate": Conversion("rate", "rad/s", 2.0**-28),
             "rate_uncompensated": Conversion("rate_uncompensated", "rad/s", 2.0**-28),
+            "quadrature": Conversion("quadrature", "rad/s", 2.0**-28),
+            "angle": Conversion("angle", "rad", 2.0**-28 * identity.slow_period_samples / identity.sample_rate_hz),
         },
     }
 

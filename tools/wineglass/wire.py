@@ -24,6 +24,9 @@ class FrameType(IntEnum):
     SNAPSHOT = 6
     ACK = 7
     CALIBRATION = 8
+    SELF_TEST = 9
+    SYNC = 10
+    PHASES = 11
 
 
 class Status(IntEnum):
@@ -42,6 +45,23 @@ class Status(IntEnum):
     REBALANCE_ACTIVE = 1 << 10
     REBALANCE_SATURATED = 1 << 11
     TEST_ACTIVE = 1 << 12
+
+
+class Part(IntEnum):
+    """Bits of `checked` and `failed` in the self-test: parts of a board, hal/hal.h."""
+
+    CRYSTAL = 1 << 0
+    CORE_CLOCK = 1 << 1
+    SAMPLE_CLOCK = 1 << 2
+    CONVERTERS = 1 << 3
+    PICKOFFS = 1 << 4
+    THERMOMETER = 1 << 5
+    STORE = 1 << 6
+    IMAGE = 1 << 7
+    MEMORY = 1 << 8
+    WATCHDOG = 1 << 9
+    UNIQUE_ID = 1 << 10
+    LAST_RUN = 1 << 11
 
 
 GOOD_STATUS = (Status.LOCKED | Status.AMPLITUDE_IN_RANGE | Status.CALIBRATION_VALID | Status.TEMPERATURE_VALID
@@ -81,6 +101,14 @@ _PAYLOADS: dict[FrameType, list[tuple[str, str]]] = {
     FrameType.SNAPSHOT: [("burst_sample", "<u8"), ("offset", "<u2"), ("total", "<u2")],
     FrameType.ACK: [("command", "u1"), ("reason", "u1"), ("command_sequence", "<u2")],
     FrameType.CALIBRATION: [],
+    FrameType.SYNC: [("since_sample_q16", "<u4"), ("number", "<u4")],
+    FrameType.PHASES: [
+        ("outcome", "<u2"), ("parts", "<u2"), ("temperature_shift", "<i4"), ("drive_correction", "<i4"), ("drive_uncertainty", "<i4"),
+        ("drive_phase", "<i4"), ("demodulation_correction", "<i4"), ("demodulation_uncertainty", "<i4"), ("demodulation_phase", "<i4"),
+    ],
+    FrameType.SELF_TEST: [
+        ("checked", "<u4"), ("failed", "<u4"), ("core_clock_hz", "<u4"), ("fault_address", "<u4"), ("samples_lost", "<u4"),
+    ],
 }
 
 DTYPES = {kind: np.dtype(_HEADER_FIELDS + fields) for kind, fields in _PAYLOADS.items()}

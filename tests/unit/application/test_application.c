@@ -189,6 +189,29 @@ static void the_first_frame_is_the_identity(void)
     bench_destroy(bench);
 }
 
+static void a_self_test_follows_the_identity(void)
+{
+    static struct frame_receiver receiver;
+    static struct application app;
+    static const struct hal_self_test result = {0xFFF, HAL_PART_THERMOMETER, 168000000, 0x08001234, 7};
+    struct board *board = board_create();
+    struct frame_view frame;
+    size_t from = 0;
+    board->hal.self_test = &result;
+    TEST_ASSERT_EQUAL_INT(0, application_init(&app, &board->hal));
+    TEST_ASSERT_TRUE(board_next_frame(board, &from, &receiver, &frame));
+    TEST_ASSERT_EQUAL_UINT8(FRAME_IDENTITY, frame.header.type);
+    TEST_ASSERT_TRUE(board_next_frame(board, &from, &receiver, &frame));
+    TEST_ASSERT_EQUAL_UINT8(FRAME_SELF_TEST, frame.header.type);
+    TEST_ASSERT_EQUAL_UINT32(20, frame.payload_bytes);
+    TEST_ASSERT_EQUAL_UINT64(0xFFF, board_field(&frame, 0, 4));
+    TEST_ASSERT_EQUAL_UINT64(HAL_PART_THERMOMETER, board_field(&frame, 4, 4));
+    TEST_ASSERT_EQUAL_UINT64(168000000, board_field(&frame, 8, 4));
+    TEST_ASSERT_EQUAL_UINT64(0x08001234, board_field(&frame, 12, 4));
+    TEST_ASSERT_EQUAL_UINT64(7, board_field(&frame, 16, 4));
+    board_destroy(board);
+}
+
 /* ---- telemetry --------------------------------------------------------------------------------------------------------- */
 
 static void frames_come_at_the_chosen_rates(void)
@@ -581,6 +604,7 @@ int main(void)
     RUN_TEST(falls_back_to_the_predecessor);
     RUN_TEST(refuses_boards_outside_the_contract);
     RUN_TEST(the_first_frame_is_the_identity);
+    RUN_TEST(a_self_test_follows_the_identity);
     RUN_TEST(frames_come_at_the_chosen_rates);
     RUN_TEST(means_are_those_of_the_published_signals);
     RUN_TEST(means_of_extreme_signals);
