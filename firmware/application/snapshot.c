@@ -9,8 +9,7 @@
 #define STATES(member, width, count) {offsetof(struct gyro_state, member), (width), (count)}
 #define POLYNOMIAL(member)          CFGS(member.coef, 4, THERMAL_POLYNOMIAL_MAX_ORDER + 1), CFG(member.order, 4)
 #define COMPLEX(member)             STATE(member.i_q30, 4), STATE(member.q_q30, 4)
-#define CIC(member)                                                                                                 \
-    STATE(member.integral1, 8), STATE(member.integral2, 8), STATE(member.comb1, 8), STATE(member.comb2, 8)
+#define CHANNEL(member)             STATE(member.falling_q52, 8), STATE(member.rising_q52, 8)
 #define AXIS(member)                STATE(member.integral_q54, 8), STATE(member.force_q31, 4), STATE(member.saturated, 1)
 #define FILTER(member)                                                                                              \
     STATES(member.x1, 8, OUTPUT_FILTER_SECTIONS), STATES(member.x2, 8, OUTPUT_FILTER_SECTIONS),                     \
@@ -44,8 +43,8 @@ static const struct layout_field cfg_fields[] = {
 
 static const struct layout_field state_fields[] = {
     STATE(oscillator.phase_u64, 8), STATE(oscillator.freq_u64, 8),
-    CIC(primary_lockin.in_phase), CIC(primary_lockin.quadrature), CIC(secondary_lockin.in_phase),
-    CIC(secondary_lockin.quadrature),
+    CHANNEL(primary_lockin.in_phase), CHANNEL(primary_lockin.quadrature), CHANNEL(secondary_lockin.in_phase),
+    CHANNEL(secondary_lockin.quadrature),
     STATE(decoupler_coefs.gain_q48, 4), STATE(decoupler_coefs.a1_q30, 4), STATE(decoupler_coefs.a1_low_q36, 4),
     STATE(decoupler_coefs.eps_q36, 4),
     STATE(decoupler.q1_q61, 8), STATE(decoupler.q2_q61, 8), STATE(decoupler.error1_q63, 4), STATE(decoupler.error2_q63, 4),
@@ -127,6 +126,16 @@ size_t snapshot_write(const struct snapshot *snapshot, size_t position, uint8_t 
     return written;
 }
 
+/* What the signal processing divides by, shifts by or finds a row of a table with; a damaged file must not reach beyond those. */
+static bool usable(const struct gyro_cfg *cfg)
+{
+    return cfg->lockin.decimation >= 8 && cfg->lockin.decimation <= LOCKIN_MAX_DECIMATION &&
+           cfg->acquisition.decimation == cfg->lockin.decimation && cfg->loops_per_slow >= 1 && cfg->loops_per_slow <= 64 &&
+           cfg->acquisition.chirp_ticks_log2 <= 16 && cfg->acquisition.listen_ticks_log2 <= 12 &&
+           cfg->output_filter < OUTPUT_FILTER_COUNT && cfg->loop < GYRO_LOOP_COUNT &&
+           cfg->compensation < GYRO_COMPENSATION_COUNT && cfg->dac_shift <= 24;
+}
+
 int snapshot_read(const uint8_t *bytes, size_t size, struct snapshot *snapshot)
 {
     struct byte_reader reader = {bytes, size, false};
@@ -135,8 +144,14 @@ int snapshot_read(const uint8_t *bytes, size_t size, struct snapshot *snapshot)
     if (version != SNAPSHOT_VERSION || stated != size || size != snapshot_bytes()) {
         return -1;
     }
-    snapshot->sample_counter = get_u64(&reader);
-    layout_read(cfg_fields, CFG_FIELDS, &snapshot->cfg, reader.next);
+    uint64_t sample_counter = get_u64(&reader);
+    struct gyro_cfg cfg = {.loop = 0};
+    layout_read(cfg_fields, CFG_FIELDS, &cfg, reader.next);
+    if (!usable(&cfg)) {
+        return -1;
+    }
+    snapshot->sample_counter = sample_counter;
+    snapshot->cfg = cfg;
     layout_read(state_fields, STATE_FIELDS, &snapshot->state, reader.next + layout_bytes(cfg_fields, CFG_FIELDS));
     return 0;
 }

@@ -62,18 +62,6 @@ int32_t decoupler_gain_q48(const struct decoupler_tuning *tuning, int32_t decay_
 
 #define DECOUPLER_LIMIT_HIGH INT32_C(0x0FF00000) /* upper word of |q| at the clamp: 1/2 - 2^-9 in Q29 */
 
-/* A 64-bit value as high 2^32 + low with a signed low word, so that both factors of every product are signed 32-bit words. */
-struct decoupler_words {
-    int32_t high, low;
-};
-
-static inline struct decoupler_words decoupler_words(int64_t value)
-{
-    int32_t low = (int32_t)(uint32_t)value;
-    struct decoupler_words words = {fixed_high_word(value) - (low >> 31), low};
-    return words;
-}
-
 /* u + a1 q1 + eps q2, in sums of products of words: Q30 x Q29 = Q59 and Q36 x Q29 = Q65.
  * Range: |q| <= 2^60, so |high| <= 2^28 and |low| <= 2^31; |a1| < 2 in Q30.
  *   low words:  (2^31 2^31 >> 32) + (2^30 2^31 >> 38) <= 2^30 + 2^23 in Q59
@@ -82,8 +70,8 @@ static inline struct decoupler_words decoupler_words(int64_t value)
  * Floors: three units of 2^-59, one of 2^-61. */
 static inline int64_t decoupler_sum_q61(const struct decoupler_coefs *coefs, const struct decoupler_state *state, int32_t primary_q31)
 {
-    struct decoupler_words q1 = decoupler_words(state->q1_q61);
-    struct decoupler_words q2 = decoupler_words(state->q2_q61);
+    struct fixed_words q1 = fixed_words(state->q1_q61);
+    struct fixed_words q2 = fixed_words(state->q2_q61);
     int32_t low_q59 = fixed_mul_high_floor(coefs->a1_q30, q1.low) + (fixed_mul_high_floor(coefs->eps_q36, q2.low) >> 6);
     int64_t fine_q65 = (int64_t)coefs->a1_low_q36 * q1.high + (int64_t)coefs->eps_q36 * q2.high;
     int64_t sum_q59 = (((int64_t)coefs->gain_q48 * primary_q31) >> 20) + low_q59;

@@ -44,6 +44,18 @@ static inline int64_t fixed_clamp_i64(int64_t value, int64_t low, int64_t high, 
     return value;
 }
 
+/* value = high 2^32 + low with a signed low word, so that both factors of every product are signed 32-bit words.
+ * Range: value < 2^63 - 2^31. */
+struct fixed_words {
+    int32_t high, low;
+};
+
+static inline struct fixed_words fixed_words(int64_t value)
+{
+    int32_t low = (int32_t)(uint32_t)value;
+    return (struct fixed_words){fixed_high_word(value) - (low >> 31), low};
+}
+
 /* Upper half of the product, Qa x Qb -> Q(a+b-32), floored: within half a unit more than fixed_mul_high, one instruction less. */
 static inline int32_t fixed_mul_high_floor(int32_t a, int32_t b)
 {

@@ -44,6 +44,12 @@ void gyro_reset(const struct gyro_cfg *cfg, struct gyro_state *state)
     state->signals.freq_u64 = cfg->tuning.center_freq_u64;
 }
 
+/* Samples since the last output of the lock-ins, which is taken in slot 0 behind that slot's own sample. */
+static inline uint32_t window_position(const struct gyro_cfg *cfg, const struct gyro_state *state)
+{
+    return (state->loop_slot == 0 ? cfg->lockin.decimation : state->loop_slot) - 1;
+}
+
 /* |value| > limit >= 0, in one comparison modulo 2^32. */
 static inline bool beyond(int32_t value, int32_t limit)
 {
@@ -61,8 +67,9 @@ struct gyro_output gyro_step(const struct gyro_cfg *cfg, struct gyro_state *stat
         int32_t leaked_q31 = decoupler_step(&state->decoupler_coefs, &state->decoupler, input->primary_q31, &state->overflow);
         secondary_q31 = fixed_saturate_i32((int64_t)secondary_q31 - leaked_q31, &state->overflow);
     }
-    lockin_step(&state->primary_lockin, input->primary_q31, reference);
-    lockin_step(&state->secondary_lockin, secondary_q31, reference);
+    struct lockin_reference weighed = lockin_weigh(cfg->lockin.decimation, window_position(cfg, state), reference);
+    lockin_step(&state->primary_lockin, input->primary_q31, weighed);
+    lockin_step(&state->secondary_lockin, secondary_q31, weighed);
     unsigned shift = cfg->dac_shift;
     int32_t drive_q31 = dac_shaper_step(&state->drive_shaper, force_sample_q31(state->drive_force, reference), state->two_cos_q30,
                                         shift, &state->drive_saturated);

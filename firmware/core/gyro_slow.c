@@ -139,7 +139,7 @@ static uint32_t status_of(const struct gyro_cfg *cfg, const struct gyro_state *s
     bool acquiring = state->acquisition.phase != ACQUISITION_DONE;
     bool locked = state->lock_ticks >= cfg->monitor.hold_ticks;
     bool rebalanced = gyro_secondary_is_controlled(cfg, state);
-    bool tested = cfg->test_signal.in_phase_q31 != 0 || cfg->test_signal.quadrature_q31 != 0;
+    bool tested = cfg->test_signal.in_phase_q31 != 0 || cfg->test_signal.quadrature_q31 != 0 || cfg->drive.phase_set_point_i32 != 0;
     bool closed_or_open = state->loop == GYRO_LOOP_OPEN || (rebalanced && !state->rebalance_saturated);
     bool rate_valid = locked && closed_or_open && !tested && !state->adc_saturated && !state->overflow &&
                       compensation_ready(cfg, state);

@@ -4,25 +4,24 @@
 
 void lockin_reset(struct lockin_state *state)
 {
-    *state = (struct lockin_state){{0, 0, 0, 0}, {0, 0, 0, 0}};
+    *state = (struct lockin_state){{0, 0}, {0, 0}};
 }
 
-/* Amplitude = 2 x mean; the products are Q29 and the filter's gain N^2, so Q30 = sum x 4 / N^2.
- * Range: |sum| <= 2^29 N^2 <= 2^39; (sum >> 4) normalise <= 2^25 N^2 2^33 / N^2 = 2^58. The result reaches 2^31 only for a full-scale input
- * beside an oscillator that stands still; it is clamped then. */
-static int32_t cic_output(const struct lockin_cfg *cfg, struct cic_state *state)
+/* Amplitude = 2 x mean = sum x 2 / N^2; sum in Q52 times 4 / N^2 in Q31, upper part: Q51 of twice that, so Q52.
+ * Range: 2^30 2^31 4 / N^2 + 2^30 < 2^62. The result reaches 2^31 only for a full-scale input beside an oscillator that stands still; it
+ * is clamped then. */
+static int32_t channel_output(const struct lockin_cfg *cfg, struct lockin_channel *channel)
 {
-    uint64_t first = state->integral2 - state->comb1;
-    state->comb1 = state->integral2;
-    uint64_t second = first - state->comb2;
-    state->comb2 = first;
-    int64_t sum = (int64_t)second;
     bool clamped = false;
-    return fixed_saturate_i32(fixed_round_shift(fixed_round_shift(sum, 4) * cfg->normalise_q31, 27), &clamped);
+    struct fixed_words sum = fixed_words(channel->falling_q52);
+    int64_t amplitude_q52 = (int64_t)sum.high * cfg->normalise_q31 + fixed_mul_high_floor(sum.low, cfg->normalise_q31);
+    channel->falling_q52 = channel->rising_q52;
+    channel->rising_q52 = 0;
+    return fixed_saturate_i32(fixed_round_shift(amplitude_q52, 22), &clamped);
 }
 
 struct complex_q30 lockin_output(const struct lockin_cfg *cfg, struct lockin_state *state)
 {
-    struct complex_q30 amplitude = {cic_output(cfg, &state->in_phase), cic_output(cfg, &state->quadrature)};
+    struct complex_q30 amplitude = {channel_output(cfg, &state->in_phase), channel_output(cfg, &state->quadrature)};
     return amplitude;
 }

@@ -66,7 +66,8 @@ static void trace_lockin(void)
     struct oscillator_state oscillator = {0, UINT64_C(0x199A2B3C4D5E6F70)};
     lockin_reset(&state);
     for (int n = 1; n <= 100000; n++) {
-        lockin_step(&state, random_wide_i32(&random), oscillator_phasor(oscillator_step(&oscillator)));
+        struct phasor_q30 phasor = oscillator_phasor(oscillator_step(&oscillator));
+        lockin_step(&state, random_wide_i32(&random), lockin_weigh(10, (uint32_t)(n - 1) % 10, phasor));
         if (n % 10 == 0) {
             struct complex_q30 out = lockin_output(&cfg, &state);
             trace_add(&in_phase, out.i_q30);
