@@ -169,7 +169,7 @@ static void demodulate(struct envelope_step *step)
 {
     double angle = demodulation_rad(step);
     if (angle != 0.0) {
-        step->measured = span_times(phasor_turn(-angle), &step->measured);
+        step->measured = span_times(phasor_turn(angle), &step->measured);
     }
 }
 
@@ -200,7 +200,7 @@ struct loop {
 static struct loop loop_of(const struct envelope *e, const struct envelope_step *step)
 {
     struct phasor without_phi = phasor_product(step->turn, phasor_turn(e->motion.phi_rad));
-    struct phasor through = phasor_product(sense(step), phasor_turn(-demodulation_rad(step)));
+    struct phasor through = phasor_product(sense(step), phasor_turn(demodulation_rad(step)));
     struct loop loop = {.push = phasor_scale(without_phi, step->middle.push[1][1]), .pole = pole_of(step)};
     struct phasor gain = phasor_product(loop.push, through);
     double delay = e->rebalance_delay_s;
@@ -335,7 +335,7 @@ static void run_held(struct envelope *e, struct envelope_step *step, const struc
     const struct envelope_firmware *firmware = &e->firmware;
     double part_s = step->step_s / HELD_PARTS;
     struct phasor_span input = forcing(e, step);
-    struct phasor through = phasor_product(sense(step), phasor_turn(-demodulation_rad(step)));
+    struct phasor through = phasor_product(sense(step), phasor_turn(demodulation_rad(step)));
     struct phasor sum = {0.0, 0.0}, force_sum = {0.0, 0.0};
     struct phasor test = {step->test.re.mean, step->test.im.mean};
     struct phasor start = motion->secondary;
@@ -361,7 +361,7 @@ static void run_held(struct envelope *e, struct envelope_step *step, const struc
 
 static struct phasor wanted_force(const struct envelope *e, const struct envelope_step *step)
 {
-    struct phasor through = phasor_product(sense(step), phasor_turn(-demodulation_rad(step)));
+    struct phasor through = phasor_product(sense(step), phasor_turn(demodulation_rad(step)));
     struct phasor error = phasor_product(through, e->motion.secondary);
     return phasor_add(phasor_scale(error, e->firmware.rebalance_kp), e->motion.rebalance_integral);
 }

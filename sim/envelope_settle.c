@@ -94,5 +94,5 @@ void envelope_settle(struct envelope *e)
         settle_coupling(e, turn);
     }
     motion->integral_rad_s = motion->physics.primary_rad_s + shift_rad_s - e->firmware.center_rad_s;
-    settle_output(e, phasor_turn(-motion->tables.demodulation_rad));
+    settle_output(e, phasor_turn(motion->tables.demodulation_rad));
 }

@@ -108,6 +108,11 @@ static void take_requests(struct application *app, uint32_t requests)
     atomic_fetch_and_explicit(&app->requests, ~requests, memory_order_release);
 }
 
+void application_sync(struct application *app, uint32_t since_sample_q16)
+{
+    sync_mark(&app->sync, app->sample_counter, since_sample_q16 < 65536 ? since_sample_q16 : 65535);
+}
+
 /* No configuration is exchanged while a burst is recorded: its replay knows the one of its beginning only. */
 void application_slow_tick(struct application *app)
 {
@@ -115,6 +120,7 @@ void application_slow_tick(struct application *app)
     uint32_t period_samples = app->cfg->lockin.decimation * app->cfg->loops_per_slow;
     int32_t thermometer_raw = atomic_load_explicit(&app->thermometer_raw, memory_order_relaxed);
     telemetry_add(&app->telemetry, signals, thermometer_raw, app->sample_counter, period_samples);
+    phase_calibration_add(&app->phase_calibration, signals);
     live_publish(&app->live, (struct live){app->sample_counter, signals->status, app->gyro.acquisition.attempt});
     if (app->burst.remaining != 0) {
         return;
@@ -166,6 +172,16 @@ static void hand_over_configuration(struct application *app)
     app->restart_wanted = 0;
 }
 
+static void calibrate_phases(struct application *app)
+{
+    if (phase_calibration_poll(&app->phase_calibration, &app->calibration.gyro)) {
+        app->cfg_changed = true;
+        if (phase_calibration_idle(&app->phase_calibration)) {
+            report_phases(app);
+        }
+    }
+}
+
 uint64_t application_sample_counter(struct application *app)
 {
     return live_read(&app->live).sample_counter;
@@ -176,7 +192,9 @@ void application_poll(struct application *app)
     const struct hal_properties *board = app->hal->properties;
     read_thermometer(app);
     receive(app);
+    calibrate_phases(app);
     hand_over_configuration(app);
+    sync_poll(&app->sync, &app->sender, app->hal);
     telemetry_poll(&app->telemetry, &app->sender, app->hal);
     burst_poll(&app->burst, &app->sender, app->hal, board->adc_bits <= 16 && board->dac_bits <= 16 ? 2 : 4);
     if (app->hal->watchdog_kick != NULL) {

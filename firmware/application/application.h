@@ -20,7 +20,9 @@
 #include "application/calibration.h"
 #include "application/frame.h"
 #include "application/live.h"
+#include "application/phase_calibration.h"
 #include "application/sender.h"
+#include "application/sync.h"
 #include "application/telemetry.h"
 #include "core/gyro.h"
 #include "hal/hal.h"
@@ -56,6 +58,8 @@ struct application {
     struct live_lock live;
     struct telemetry telemetry;
     struct burst burst;
+    struct sync sync;
+    struct phase_calibration phase_calibration;
 
     /* background */
     const struct hal *hal;
@@ -89,6 +93,10 @@ static inline void application_thermometer(struct application *app, int32_t raw)
 {
     atomic_store_explicit(&app->thermometer_raw, raw, memory_order_relaxed);
 }
+
+/* interrupt, never inside application_sample(): a synchronisation pulse, so long after the last sample (in 1/65536 of a sample
+ * period, at most 65535; 0 when the port does not know) */
+void application_sync(struct application *app, uint32_t since_sample_q16);
 
 /* interrupt: end of a slow tick's sample; application_sample() calls it */
 void application_slow_tick(struct application *app);

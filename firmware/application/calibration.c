@@ -7,6 +7,7 @@
 #include "application/layout.h"
 #include "application/limits.h"
 #include "application/rebalance_check.h"
+#include "core/fixed.h"
 #include "core/oscillator.h"
 
 /* One field of the block, in the block's order. The value is refused unless min <= value <= max. */
@@ -196,4 +197,34 @@ enum reason calibration_parse(const uint8_t *block, size_t size, const struct ha
         *calibration = parsed;
     }
     return reason;
+}
+
+/* Where a field of the structure stands in the block. */
+static size_t block_offset(size_t structure_offset)
+{
+    size_t position = HEADER_BYTES + CALIBRATION_NAME_BYTES;
+    for (size_t i = 0; i < FIELD_COUNT && fields[i].offset != structure_offset; i++) {
+        position += fields[i].width;
+    }
+    return position;
+}
+
+static void add_to_word(uint8_t *word, int32_t term)
+{
+    struct byte_reader reader = {word, 4, false};
+    struct byte_writer writer = {word};
+    bool clamped = false;
+    put_i32(&writer, fixed_saturate_i32((int64_t)get_i32(&reader) + term, &clamped));
+}
+
+void calibration_add_phases(uint8_t block[CALIBRATION_BYTES], int32_t drive_rad_q31, int32_t demodulation_rad_q31)
+{
+    uint8_t *sequence = block + block_offset(AT(sequence));
+    struct byte_reader reader = {sequence, 4, false};
+    struct byte_writer sequence_writer = {sequence};
+    put_u32(&sequence_writer, get_u32(&reader) + 1);
+    add_to_word(block + block_offset(AT(gyro.drive_phase_rad_q31.coef[0])), drive_rad_q31);
+    add_to_word(block + block_offset(AT(gyro.demodulation_phase_rad_q31.coef[0])), demodulation_rad_q31);
+    struct byte_writer crc = {block + CALIBRATION_BYTES - 4};
+    put_u32(&crc, crc32_update(0, block, CALIBRATION_BYTES - 4));
 }

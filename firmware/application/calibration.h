@@ -34,6 +34,9 @@ struct calibration {
 enum reason calibration_parse(const uint8_t *block, size_t size, const struct hal_properties *board,
                               struct calibration *calibration);
 
+/* A sound block with something added to the constant terms of both phase polynomials, its sequence number one up, and sealed again. */
+void calibration_add_phases(uint8_t block[CALIBRATION_BYTES], int32_t drive_rad_q31, int32_t demodulation_rad_q31);
+
 /* The compiled-in block: 5 kHz at 50 kSa/s, Q = 1e4, no compensation. */
 extern const uint8_t calibration_default_block[CALIBRATION_BYTES];
 

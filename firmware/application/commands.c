@@ -41,13 +41,19 @@ static enum reason status(struct application *app, struct byte_reader *payload)
 
 /* ---- signal processing ------------------------------------------------------------------------------------------------- */
 
+/* A raw burst replays one configuration; the phase calibration changes it by itself. */
+static bool is_busy(struct application *app)
+{
+    return !burst_idle(&app->burst) || !phase_calibration_idle(&app->phase_calibration);
+}
+
 /* What every command that changes the signal processing begins with. */
 static enum reason configuration_is_free(struct application *app, bool in_range)
 {
     if (!in_range) {
         return REASON_OUT_OF_RANGE;
     }
-    if (!burst_idle(&app->burst)) {
+    if (is_busy(app)) {
         return REASON_BUSY;
     }
     app->cfg_changed = true;
@@ -180,6 +186,50 @@ static enum reason set_phase_set_point(struct application *app, struct byte_read
     return reason;
 }
 
+static bool order_in_range(const struct phase_calibration_order *order, const struct gyro_cfg *gyro)
+{
+    const uint32_t measured = PHASE_CALIBRATION_DRIVE | PHASE_CALIBRATION_DEMODULATION;
+    bool times = within(order->settle_drive, PHASE_SETTLE_MIN, PHASE_SETTLE_MAX) &&
+                 within(order->settle_demodulation, PHASE_SETTLE_MIN, PHASE_SETTLE_MAX) && within(order->measure, 1, PHASE_MEASURE_MAX);
+    bool force = (order->parts & PHASE_CALIBRATION_DEMODULATION) == 0 ||
+                 within(order->quadrature_q31, 1, gyro->rebalance.quadrature_limit_q31);
+    return (order->parts & measured) != 0 && order->parts <= (measured | PHASE_CALIBRATION_APPLY) && times && force &&
+           within(order->phase_i32, PHASE_STEP_MIN_I32, PHASE_STEP_MAX_I32);
+}
+
+static enum reason abort_phases(struct application *app)
+{
+    if (!phase_calibration_idle(&app->phase_calibration)) {
+        phase_calibration_abort(&app->phase_calibration, &app->calibration.gyro);
+        app->cfg_changed = true;
+        report_phases(app);
+    }
+    return REASON_OK;
+}
+
+static enum reason calibrate_phases(struct application *app, struct byte_reader *payload)
+{
+    struct phase_calibration_order order;
+    order.parts = get_u32(payload);
+    order.settle_drive = get_u16(payload);
+    order.settle_demodulation = get_u16(payload);
+    order.measure = get_u16(payload);
+    (void)get_u16(payload);
+    order.phase_i32 = get_i32(payload);
+    order.quadrature_q31 = get_i32(payload);
+    if (order.parts == 0) {
+        return abort_phases(app);
+    }
+    if ((live_read(&app->live).status & GYRO_STATUS_LOCKED) == 0) {
+        return REASON_NOT_LOCKED;
+    }
+    enum reason reason = configuration_is_free(app, order_in_range(&order, &app->calibration.gyro));
+    if (reason == REASON_OK) {
+        phase_calibration_start(&app->phase_calibration, &order, &app->calibration.gyro);
+    }
+    return reason;
+}
+
 static enum reason set_output_filter(struct application *app, struct byte_reader *payload)
 {
     uint32_t choice = get_u32(payload);
@@ -216,7 +266,7 @@ static enum reason raw_burst(struct application *app, struct byte_reader *payloa
     if (!within(samples, 1, BURST_MAX_SAMPLES)) {
         return REASON_OUT_OF_RANGE;
     }
-    return burst_ask(&app->burst, samples) ? REASON_OK : REASON_BUSY;
+    return phase_calibration_idle(&app->phase_calibration) && burst_ask(&app->burst, samples) ? REASON_OK : REASON_BUSY;
 }
 
 /* ---- calibration ------------------------------------------------------------------------------------------------------- */
@@ -261,7 +311,7 @@ static enum reason calibration_commit(struct application *app, struct byte_reade
     if (!app->calibration_unlocked) {
         return REASON_LOCKED;
     }
-    if (!burst_idle(&app->burst)) {
+    if (is_busy(app)) {
         return REASON_BUSY;
     }
     if (size != CALIBRATION_BYTES) {
@@ -284,6 +334,60 @@ static enum reason calibration_read(struct application *app, struct byte_reader 
 {
     (void)payload;
     return report_calibration(app);
+}
+
+/* The newest stored block with the found phases in it; what commands have changed beside is not stored. */
+static enum reason corrected_block(struct application *app, struct calibration *calibration)
+{
+    const struct phase_result *result = &app->phase_calibration.result;
+    struct store_record found[HAL_STORE_SECTORS];
+    if (store_find(app->hal, CALIBRATION_BYTES, found) == 0) {
+        return REASON_NOTHING_STORED;
+    }
+    if (found[0].size != CALIBRATION_BYTES || store_read(app->hal, &found[0], app->staged_block) != HAL_OK) {
+        return REASON_STORE_FAILED;
+    }
+    calibration_add_phases(app->staged_block, result->drive.correction_rad_q31, result->demodulation.correction_rad_q31);
+    return calibration_parse(app->staged_block, CALIBRATION_BYTES, app->hal->properties, calibration);
+}
+
+/* The corrections count from now on and are spent, so that no second command adds them again. */
+static void adopt_phases(struct application *app, const struct calibration *stored)
+{
+    struct calibration *calibration = &app->calibration;
+    calibration->gyro.drive_phase_rad_q31 = stored->gyro.drive_phase_rad_q31;
+    calibration->gyro.demodulation_phase_rad_q31 = stored->gyro.demodulation_phase_rad_q31;
+    calibration->sequence = stored->sequence;
+    calibration->crc = stored->crc;
+    app->calibration_unlocked = false;
+    app->phase_calibration.result_valid = false;
+    app->cfg_changed = true;
+}
+
+static enum reason store_phases(struct application *app, struct byte_reader *payload)
+{
+    struct calibration stored;
+    (void)payload;
+    if (!app->calibration_unlocked) {
+        return REASON_LOCKED;
+    }
+    if (is_busy(app)) {
+        return REASON_BUSY;
+    }
+    if (!app->phase_calibration.result_valid) {
+        return REASON_NO_RESULT;
+    }
+    enum reason reason = corrected_block(app, &stored);
+    if (reason != REASON_OK) {
+        return reason;
+    }
+    if (store_write(app->hal, app->staged_block, CALIBRATION_BYTES) != HAL_OK) {
+        app->counters.store_errors++;
+        return REASON_STORE_FAILED;
+    }
+    adopt_phases(app, &stored);
+    report_identity(app);
+    return REASON_OK;
 }
 
 /* ---- dispatch ---------------------------------------------------------------------------------------------------------- */
@@ -309,10 +413,12 @@ static const struct command commands[] = {
     {COMMAND_REBALANCE, 16, set_rebalance},
     {COMMAND_TEST_SIGNAL, 12, set_test_signal},
     {COMMAND_PHASE_SET_POINT, 4, set_phase_set_point},
+    {COMMAND_PHASE_CALIBRATION, 20, calibrate_phases},
     {COMMAND_CALIBRATION_UNLOCK, 4, calibration_unlock},
     {COMMAND_CALIBRATION_WRITE, ANY_LENGTH, calibration_write},
     {COMMAND_CALIBRATION_COMMIT, 4, calibration_commit},
     {COMMAND_CALIBRATION_READ, 0, calibration_read},
+    {COMMAND_PHASES_STORE, 0, store_phases},
 };
 
 static enum reason run(struct application *app, const struct frame_view *frame)

@@ -21,10 +21,12 @@ enum command_type {
     COMMAND_REBALANCE = 0x8C,
     COMMAND_TEST_SIGNAL = 0x8D,
     COMMAND_PHASE_SET_POINT = 0x8E,
+    COMMAND_PHASE_CALIBRATION = 0x8F,
     COMMAND_CALIBRATION_UNLOCK = 0x90,
     COMMAND_CALIBRATION_WRITE = 0x91,
     COMMAND_CALIBRATION_COMMIT = 0x92,
-    COMMAND_CALIBRATION_READ = 0x93
+    COMMAND_CALIBRATION_READ = 0x93,
+    COMMAND_PHASES_STORE = 0x94
 };
 
 /* The key that unlocks the calibration: CRC-32 of the device's unique id as 8 little-endian bytes. It keeps a block from going to the

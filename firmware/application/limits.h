@@ -16,6 +16,13 @@
 
 #define PHASE_SET_POINT_MAX_I32 (INT64_C(1) << 29) /* 45 degrees */
 
+/* Phase calibration; times in means of 50 slow ticks. */
+#define PHASE_SETTLE_MIN   2     /* a mean that began before the step, and one for the oscillator to follow */
+#define PHASE_SETTLE_MAX   12000
+#define PHASE_MEASURE_MAX  2000
+#define PHASE_STEP_MIN_I32 (INT64_C(1) << 23) /* 0.012 rad */
+#define PHASE_STEP_MAX_I32 (INT64_C(1) << 28) /* 0.39 rad: the drive level rises by 8 % */
+
 #define AMPLITUDE_MIN_Q30 (INT64_C(1) << 25)  /* 1/32 of full scale: rate needs a primary above 1/64 */
 #define AMPLITUDE_MAX_Q30 INT64_C(1052266988) /* 0.98: room for the overshoot */
 #define DRIVE_MAX_Q31     INT64_C(2147268900) /* 0.9999: the force must not leave 32 bit, see core/gyro.c */

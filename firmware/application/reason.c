@@ -27,6 +27,8 @@ const char *reason_text(enum reason reason)
         return "the rebalance loop would be unstable";
     case REASON_NOT_LOCKED:
         return "the drive loop is not locked";
+    case REASON_NO_RESULT:
+        return "no phase calibration has been done";
     case REASON_CALIBRATION_SIZE:
         return "calibration block: wrong size";
     case REASON_CALIBRATION_MAGIC:

@@ -15,6 +15,7 @@ enum reason {
     REASON_STORE_FAILED = 9,
     REASON_UNSTABLE = 10,            /* the rebalance loop would have too little margin */
     REASON_NOT_LOCKED = 11,          /* phase calibration needs a locked drive loop */
+    REASON_NO_RESULT = 12,           /* no phase calibration has been done */
     REASON_CALIBRATION_SIZE = 16,
     REASON_CALIBRATION_MAGIC = 17,
     REASON_CALIBRATION_VERSION = 18,

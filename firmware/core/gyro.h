@@ -137,7 +137,7 @@ struct gyro_state {
     struct gyro_sum primary_sum, secondary_sum;   /* over the slow period */
     struct gyro_sum rebalance_sum;                /* minus in-phase, plus quadrature force, halved to Q30 */
     struct phasor_q30 drive_lead;                 /* 90 degrees plus the loop delay at the present frequency */
-    struct phasor_q30 demodulation;               /* angle by which the secondary amplitude is turned back */
+    struct phasor_q30 demodulation;               /* angle by which the secondary amplitude is turned back: minus its lag */
     struct gyro_force drive_force, rebalance_force;
     int32_t two_cos_q30;                          /* of the oscillator's angle per sample, for the DAC shapers */
     int32_t temperature_shift_q20;

@@ -37,7 +37,7 @@ static void evaluate_polynomials(const struct gyro_cfg *cfg, struct gyro_state *
         state->loop == GYRO_LOOP_REBALANCE ? &cfg->rebalance_scale_rad_s_q28 : &cfg->scale_rad_s_q28;
     state->scale_rad_s_q28 = thermal_polynomial_eval(scale, argument_q31, &state->overflow);
     int32_t phase_rad_q31 = thermal_polynomial_eval(&cfg->demodulation_phase_rad_q31, argument_q31, &state->overflow);
-    state->demodulation = oscillator_phasor(gyro_turns_from_rad_q31(phase_rad_q31));
+    state->demodulation = oscillator_phasor(0u - gyro_turns_from_rad_q31(phase_rad_q31)); /* a lag is undone by a lead */
 }
 
 /* A change of loop or compensation takes effect here, between two slow periods. */

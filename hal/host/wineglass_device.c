@@ -145,6 +145,11 @@ void wg_device_poll(struct wg_device *device)
     application_poll(&device->app);
 }
 
+void wg_device_sync(struct wg_device *device, uint32_t since_sample_q16)
+{
+    application_sync(&device->app, since_sample_q16);
+}
+
 static int32_t clamp(int32_t value, int32_t low, int32_t high)
 {
     return value < low ? low : value > high ? high : value;
@@ -236,6 +241,7 @@ int32_t wg_device_restore(struct wg_device *device, const uint8_t *bytes, size_t
     app->cfgs[0] = app->cfgs[1] = snapshot.cfg;
     app->calibration.gyro = snapshot.cfg;
     app->gyro = snapshot.state;
+    app->phase_calibration = (struct phase_calibration){.phase = PHASE_CALIBRATION_IDLE};
     app->sample_counter = snapshot.sample_counter;
     telemetry_restart(&app->telemetry);
     return 0;

@@ -65,6 +65,9 @@ WG_EXPORT void wg_device_destroy(struct wg_device *device);
 WG_EXPORT void wg_device_set_thermometer(struct wg_device *device, int32_t code);
 WG_EXPORT void wg_device_thermometer_fails(struct wg_device *device);
 
+/* A synchronisation pulse, `since_sample_q16` / 65536 sample periods after the last sample. */
+WG_EXPORT void wg_device_sync(struct wg_device *device, uint32_t since_sample_q16);
+
 /* n samples. adc: n pairs (primary, secondary pickoff code); dac: n pairs (drive, rebalance code), dac[i] computed from adc[i]. */
 WG_EXPORT void wg_device_run(struct wg_device *device, size_t n, const int32_t *adc, int32_t *dac);
 

@@ -136,7 +136,7 @@ def refused(call, *words):
     ({"pll_kp_per_s": 1e-9}, ["pll_proportional_q32"]),
     ({"agc_ki_per_s": 1e6}, ["agc_integral_q24"]),
     ({"temperature_min_degc": -110.0}, ["shift_min_q20"]),
-    ({"pickoff_gain_ratio": 1000.0}, ["coupling_gain_q44"]),
+    ({"pickoff_gain_ratio": 1000.0, "rebalance_kp": 0.0}, ["coupling_gain_q44"]),
     ({"lock_hold_s": 1e4}, ["hold_ticks"]),
 ])
 def test_what_does_not_fit_is_refused_by_name(golden, changes, words):

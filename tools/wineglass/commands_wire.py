@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
+from dataclasses import dataclass
 from enum import IntEnum
 
 from wineglass import wire
@@ -11,6 +13,8 @@ from wineglass.calibration_block import COMPENSATIONS, LOOPS, OUTPUT_FILTERS
 from wineglass.errors import BadInput
 
 CHUNK_BYTES = 256
+PHASE_MEAN_TICKS = 50
+"""slow ticks per mean of a phase calibration, firmware/application/phase_calibration.h"""
 
 
 class Command(IntEnum):
@@ -28,10 +32,27 @@ class Command(IntEnum):
     REBALANCE = 0x8C
     TEST_SIGNAL = 0x8D
     PHASE_SET_POINT = 0x8E
+    PHASE_CALIBRATION = 0x8F
     CALIBRATION_UNLOCK = 0x90
     CALIBRATION_WRITE = 0x91
     CALIBRATION_COMMIT = 0x92
     CALIBRATION_READ = 0x93
+    PHASES_STORE = 0x94
+
+
+@dataclass(frozen=True)
+class PhaseOrder:
+    """What a phase calibration shall do. settle: after a step of the drive's set-point, and of the open secondary's test force."""
+
+    settle_drive_s: float
+    settle_demodulation_s: float
+    measure_s: float = 1.0
+    phase_rad: float = 0.2
+    quadrature_fs: float = 0.05
+    drive: bool = True
+    demodulation: bool = True
+    apply: bool = False
+    """what is found stays in force until the next start"""
 
 
 class Reason(IntEnum):
@@ -47,6 +68,9 @@ class Reason(IntEnum):
     BUSY = 7
     NOTHING_STORED = 8
     STORE_FAILED = 9
+    UNSTABLE = 10
+    NOT_LOCKED = 11
+    NO_RESULT = 12
     CALIBRATION_SIZE = 16
     CALIBRATION_MAGIC = 17
     CALIBRATION_VERSION = 18
@@ -54,6 +78,7 @@ class Reason(IntEnum):
     CALIBRATION_RANGE = 20
     CALIBRATION_CONFLICT = 21
     CALIBRATION_BOARD = 22
+    CALIBRATION_UNSTABLE = 23
 
 
 def unlock_key(unique_id: int) -> int:
@@ -116,6 +141,25 @@ class CommandEncoder:
 
     def phase_set_point(self, phase_deg: float) -> bytes:
         return self.frame(Command.PHASE_SET_POINT, _i32(phase_deg / 360.0, 32))
+
+    def phase_calibration(self, order: PhaseOrder, slow_rate_hz: float) -> bytes:
+        """Answered by a phases frame when it is done; the rate is invalid until then."""
+        mean_s = PHASE_MEAN_TICKS / slow_rate_hz
+        times = [max(1, round(seconds / mean_s)) for seconds in (order.settle_drive_s, order.settle_demodulation_s, order.measure_s)]
+        parts = order.drive * 1 + order.demodulation * 2 + order.apply * 4
+        try:
+            payload = struct.pack("<IHHHH", parts, *times, 0)
+        except struct.error:
+            raise BadInput(f"a step of a phase calibration lasts at most {65535 * mean_s:g} s", "command", "give shorter times") from None
+        payload += _i32(order.phase_rad / (2.0 * math.pi), 32) + _i32(order.quadrature_fs, 31)
+        return self.frame(Command.PHASE_CALIBRATION, payload)
+
+    def phase_calibration_abort(self) -> bytes:
+        return self.frame(Command.PHASE_CALIBRATION, bytes(20))
+
+    def phases_store(self) -> bytes:
+        """Add what the last phase calibration has found to the stored calibration; unlock it first."""
+        return self.frame(Command.PHASES_STORE)
 
     def divisors(self, baseband: int, output: int) -> bytes:
         """Slow ticks per baseband and per output frame; 0 = none."""

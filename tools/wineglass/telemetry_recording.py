@@ -16,7 +16,7 @@ import numpy as np
 from wineglass.recording import ChannelFormat, RecordingWriter, TapFormat
 from wineglass.telemetry import Chunk, Conversion, Decoder, Identity, RawSamples, SnapshotAssembler, conversions, raw_samples, worst_status
 
-_DTYPES = {"freq": "u8", "status": "u4"}
+_DTYPES = {"freq": "u8", "status": "u4", "angle": "i8"}
 
 
 class TelemetryRecorder:
@@ -94,6 +94,8 @@ class TelemetryRecorder:
 
 
 def _column(records: np.ndarray, conversion: Conversion) -> np.ndarray:
+    if conversion.field == "angle":
+        return records["angle"].view(np.int64)  # modulo 2^64, so as well signed
     return worst_status(records) if conversion.field == "status" else records[conversion.field]
 
 

@@ -152,6 +152,10 @@ class Twin:
         if library().wg_device_command_write(self._open_device(), message, len(message)) != 0:
             raise MemoryError("no room for the command")
 
+    def sync(self, since_sample: float = 0.0) -> None:
+        """A synchronisation pulse, so many sample periods after the last sample."""
+        library().wg_device_sync(self._open_device(), round(since_sample * 65536))
+
     def poll(self) -> None:
         """Let the firmware's background run once, e.g. so that a command counts from the next sample on."""
         library().wg_device_poll(self._open_device())

@@ -34,6 +34,8 @@ _CHANNELS = [
     Channel("temperature_measured", "output", "degC", "temperature as the firmware sees it"),
     Channel("rate", "output", "rad/s", "rate output as configured (compensated where compensation is on)"),
     Channel("rate_uncompensated", "output", "rad/s", "rate output without bias compensation"),
+    Channel("quadrature", "output", "rad/s", "quadrature, as the rate that it would be a quarter of a period later"),
+    Channel("angle", "output", "rad", "integral of the rate (compensated, unfiltered) to the end of the interval"),
     Channel("true_rate", "reference", "rad/s", "rate of the rate table"),
     Channel("chamber_temperature", "reference", "degC", "air temperature in the climate chamber"),
     Channel("shell_temperature", "reference", "degC", "temperature of the resonator shell"),
