@@ -56,29 +56,52 @@ static inline bool beyond(int32_t value, int32_t limit)
     return (uint32_t)value + (uint32_t)limit > 2u * (uint32_t)limit;
 }
 
+/* The secondary pickoff without what cross damping puts on it. */
+static inline int32_t decoupled_q31(struct gyro_state *state, const struct gyro_input *input)
+{
+    if (!state->decoupling) {
+        return input->secondary_q31;
+    }
+    int32_t leaked_q31 = decoupler_step(&state->decoupler_coefs, &state->decoupler, input->primary_q31, &state->overflow);
+    return fixed_saturate_i32((int64_t)input->secondary_q31 - leaked_q31, &state->overflow);
+}
+
+static inline void demodulate(const struct gyro_cfg *cfg, struct gyro_state *state, int32_t primary_q31, int32_t secondary_q31,
+                              struct phasor_q30 phasor)
+{
+    struct lockin_reference reference = lockin_weigh(cfg->lockin.decimation, window_position(cfg, state), phasor);
+    lockin_step(&state->primary_lockin, primary_q31, &reference);
+    lockin_step(&state->secondary_lockin, secondary_q31, &reference);
+}
+
+static inline int32_t drive_code_q31(const struct gyro_cfg *cfg, struct gyro_state *state, struct phasor_q30 phasor)
+{
+    return dac_shaper_step(&state->drive_shaper, force_sample_q31(state->drive_force, phasor), state->two_cos_q30, cfg->dac_shift,
+                           &state->drive_saturated);
+}
+
+static inline int32_t rebalance_code_q31(const struct gyro_cfg *cfg, struct gyro_state *state, struct phasor_q30 phasor)
+{
+    if ((state->rebalance_force.cosine_q31 | state->rebalance_force.sine_q31) == 0) {
+        return 0;
+    }
+    return dac_shaper_step(&state->rebalance_shaper, force_sample_q31(state->rebalance_force, phasor), state->two_cos_q30,
+                           cfg->dac_shift, &state->rebalance_saturated);
+}
+
 struct gyro_output gyro_step(const struct gyro_cfg *cfg, struct gyro_state *state, const struct gyro_input *input)
 {
-    struct phasor_q30 reference = oscillator_phasor(oscillator_step(&state->oscillator));
-    int32_t secondary_q31 = input->secondary_q31;
-    if (beyond(input->primary_q31, cfg->monitor.adc_limit_q31) || beyond(secondary_q31, cfg->monitor.adc_limit_q31)) {
+    struct gyro_output output;
+    int32_t limit_q31 = cfg->monitor.adc_limit_q31;
+    if (beyond(input->primary_q31, limit_q31) || beyond(input->secondary_q31, limit_q31)) {
         state->adc_saturated = true;
     }
-    if (state->decoupling) {
-        int32_t leaked_q31 = decoupler_step(&state->decoupler_coefs, &state->decoupler, input->primary_q31, &state->overflow);
-        secondary_q31 = fixed_saturate_i32((int64_t)secondary_q31 - leaked_q31, &state->overflow);
-    }
-    struct lockin_reference weighed = lockin_weigh(cfg->lockin.decimation, window_position(cfg, state), reference);
-    lockin_step(&state->primary_lockin, input->primary_q31, weighed);
-    lockin_step(&state->secondary_lockin, secondary_q31, weighed);
-    unsigned shift = cfg->dac_shift;
-    int32_t drive_q31 = dac_shaper_step(&state->drive_shaper, force_sample_q31(state->drive_force, reference), state->two_cos_q30,
-                                        shift, &state->drive_saturated);
-    int32_t rebalance_q31 = 0;
-    if ((state->rebalance_force.cosine_q31 | state->rebalance_force.sine_q31) != 0) {
-        rebalance_q31 = dac_shaper_step(&state->rebalance_shaper, force_sample_q31(state->rebalance_force, reference),
-                                        state->two_cos_q30, shift, &state->rebalance_saturated);
-    }
-    bool slow_tick = run_task(cfg, state, input->thermometer_raw);
+    int32_t secondary_q31 = decoupled_q31(state, input);
+    struct phasor_q30 phasor = oscillator_phasor(oscillator_step(&state->oscillator));
+    demodulate(cfg, state, input->primary_q31, secondary_q31, phasor);
+    output.drive_q31 = drive_code_q31(cfg, state, phasor);
+    output.rebalance_q31 = rebalance_code_q31(cfg, state, phasor);
+    output.slow_tick = run_task(cfg, state, input->thermometer_raw);
     advance_slot(cfg, state);
-    return (struct gyro_output){drive_q31, rebalance_q31, slow_tick};
+    return output;
 }

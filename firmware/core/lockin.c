@@ -7,6 +7,15 @@ void lockin_reset(struct lockin_state *state)
     *state = (struct lockin_state){{0, 0}, {0, 0}};
 }
 
+/* A function of its own: among the rest of the sample, compilers for 32-bit machines no longer see that both factors have 32 bits. */
+void lockin_step(struct lockin_state *state, int32_t pickoff_q31, const struct lockin_reference *reference)
+{
+    state->in_phase.falling_q52 += (int64_t)pickoff_q31 * reference->falling_cosine_q21;
+    state->in_phase.rising_q52 += (int64_t)pickoff_q31 * reference->rising_cosine_q21;
+    state->quadrature.falling_q52 += (int64_t)pickoff_q31 * reference->falling_minus_sine_q21;
+    state->quadrature.rising_q52 += (int64_t)pickoff_q31 * reference->rising_minus_sine_q21;
+}
+
 /* Amplitude = 2 x mean = sum x 2 / N^2; sum in Q52 times 4 / N^2 in Q31, upper part: Q51 of twice that, so Q52.
  * Range: 2^30 2^31 4 / N^2 + 2^30 < 2^62. The result reaches 2^31 only for a full-scale input beside an oscillator that stands still; it
  * is clamped then. */

@@ -26,7 +26,7 @@ struct complex_q30 {
 
 /* The oscillator times the two weights of one sample, for both pickoffs. Q21; range: 2^21 (1 + 5e-8) 32 < 2^27. */
 struct lockin_reference {
-    int32_t falling_cosine_q21, falling_sine_q21, rising_cosine_q21, rising_sine_q21;
+    int32_t falling_cosine_q21, rising_cosine_q21, falling_minus_sine_q21, rising_minus_sine_q21;
 };
 
 /* Sums of one real channel. Range: |product| <= 2^31 2^21 weight, and the weights of a triangle sum to N^2 <= 2^10: 2^62 (1 + 5e-8). */
@@ -46,18 +46,12 @@ void lockin_reset(struct lockin_state *state);
 static inline struct lockin_reference lockin_weigh(uint32_t decimation, uint32_t position, struct phasor_q30 phasor)
 {
     int32_t falling = (int32_t)(decimation - position), rising = (int32_t)position;
-    int32_t cosine_q21 = (phasor.cosine_q30 + 256) >> 9, sine_q21 = (phasor.sine_q30 + 256) >> 9;
-    return (struct lockin_reference){cosine_q21 * falling, sine_q21 * falling, cosine_q21 * rising, sine_q21 * rising};
+    int32_t cosine_q21 = (phasor.cosine_q30 + 256) >> 9, minus_sine_q21 = -((phasor.sine_q30 + 256) >> 9);
+    return (struct lockin_reference){cosine_q21 * falling, cosine_q21 * rising, minus_sine_q21 * falling, minus_sine_q21 * rising};
 }
 
 /* One pickoff sample in Q31. */
-static inline void lockin_step(struct lockin_state *state, int32_t pickoff_q31, struct lockin_reference reference)
-{
-    state->in_phase.falling_q52 += (int64_t)pickoff_q31 * reference.falling_cosine_q21;
-    state->in_phase.rising_q52 += (int64_t)pickoff_q31 * reference.rising_cosine_q21;
-    state->quadrature.falling_q52 += (int64_t)pickoff_q31 * -reference.falling_sine_q21;
-    state->quadrature.rising_q52 += (int64_t)pickoff_q31 * -reference.rising_sine_q21;
-}
+void lockin_step(struct lockin_state *state, int32_t pickoff_q31, const struct lockin_reference *reference);
 
 /* Every N samples. For |pickoff| <= 1 beside a turning oscillator each part is within +-4/pi = 1.28. */
 struct complex_q30 lockin_output(const struct lockin_cfg *cfg, struct lockin_state *state);

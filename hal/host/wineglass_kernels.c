@@ -48,7 +48,8 @@ int64_t wg_lockin_run(uint32_t decimation, uint64_t phase_u64, uint64_t freq_u64
     lockin_reset(&lockin);
     for (size_t i = 0; i < n; i++) {
         struct phasor_q30 phasor = oscillator_phasor(oscillator_step(&oscillator));
-        lockin_step(&lockin, pickoff_q31[i], lockin_weigh(decimation, (uint32_t)(i % decimation), phasor));
+        struct lockin_reference reference = lockin_weigh(decimation, (uint32_t)(i % decimation), phasor);
+        lockin_step(&lockin, pickoff_q31[i], &reference);
         if ((i + 1) % decimation == 0) {
             struct complex_q30 amplitude = lockin_output(&cfg, &lockin);
             in_phase_q30[outputs] = amplitude.i_q30;

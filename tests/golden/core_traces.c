@@ -67,7 +67,8 @@ static void trace_lockin(void)
     lockin_reset(&state);
     for (int n = 1; n <= 100000; n++) {
         struct phasor_q30 phasor = oscillator_phasor(oscillator_step(&oscillator));
-        lockin_step(&state, random_wide_i32(&random), lockin_weigh(10, (uint32_t)(n - 1) % 10, phasor));
+        struct lockin_reference reference = lockin_weigh(10, (uint32_t)(n - 1) % 10, phasor);
+        lockin_step(&state, random_wide_i32(&random), &reference);
         if (n % 10 == 0) {
             struct complex_q30 out = lockin_output(&cfg, &state);
             trace_add(&in_phase, out.i_q30);

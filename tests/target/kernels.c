@@ -54,8 +54,8 @@ KERNEL void cost_lockin_pair(struct lockin_state pair[2], int32_t primary_q31, i
                              const struct phasor_q30 *reference, uint32_t position)
 {
     struct lockin_reference weighed = lockin_weigh(10, position, *reference);
-    lockin_step(&pair[0], primary_q31, weighed);
-    lockin_step(&pair[1], secondary_q31, weighed);
+    lockin_step(&pair[0], primary_q31, &weighed);
+    lockin_step(&pair[1], secondary_q31, &weighed);
 }
 
 KERNEL int32_t cost_decoupler(const struct decoupler_coefs *coefs, struct decoupler_state *state, int32_t primary_q31, bool *overflow)

@@ -39,6 +39,12 @@ static double weighted(const double *newest, uint32_t decimation, uint32_t avail
     return 2.0 * sum / ((double)decimation * decimation);
 }
 
+static void step(struct lockin_state *state, int32_t pickoff_q31, uint32_t decimation, uint32_t n, struct phasor_q30 phasor)
+{
+    struct lockin_reference reference = lockin_weigh(decimation, n % decimation, phasor);
+    lockin_step(state, pickoff_q31, &reference);
+}
+
 struct signal {
     int32_t pickoff[LONGEST];
     double in_phase[LONGEST], quadrature[LONGEST];
@@ -58,7 +64,7 @@ static double worst_difference(uint32_t decimation, uint64_t freq_u64, const str
         double angle = two_pi * ldexp(phase, -32);
         in_phase[n] = ldexp(signal->pickoff[n], -31) * cos(angle);
         quadrature[n] = -ldexp(signal->pickoff[n], -31) * sin(angle);
-        lockin_step(&state, signal->pickoff[n], lockin_weigh(decimation, n % decimation, oscillator_phasor(phase)));
+        step(&state, signal->pickoff[n], decimation, n, oscillator_phasor(phase));
         if ((n + 1) % decimation == 0) {
             struct complex_q30 out = lockin_output(&cfg, &state);
             double i = ldexp(out.i_q30, -30), q = ldexp(out.q_q30, -30);
@@ -111,7 +117,7 @@ static void test_sign_and_phase(void)
     for (int n = 1; n <= 40; n++) { /* displacement 60 degrees ahead of the oscillator, amplitude 0.5 */
         struct phasor_q30 reference = oscillator_phasor(oscillator_step(&oscillator));
         double x = 0.5 * cos(two_pi * (0.1 * n + 60.0 / 360.0));
-        lockin_step(&state, (int32_t)lrint(ldexp(x, 31)), lockin_weigh(10, (uint32_t)(n - 1) % 10, reference));
+        step(&state, (int32_t)lrint(ldexp(x, 31)), 10, (uint32_t)n - 1, reference);
         if (n % 10 == 0) {
             out = lockin_output(&cfg, &state);
         }
@@ -132,7 +138,7 @@ static void test_largest_sums_fit(void)
             struct complex_q30 out = {0, 0};
             lockin_reset(&state);
             for (uint32_t n = 0; n < 4 * LOCKIN_MAX_DECIMATION; n++) {
-                lockin_step(&state, extremes[k], lockin_weigh(LOCKIN_MAX_DECIMATION, n % LOCKIN_MAX_DECIMATION, reference));
+                step(&state, extremes[k], LOCKIN_MAX_DECIMATION, n, reference);
                 if ((n + 1) % LOCKIN_MAX_DECIMATION == 0) {
                     out = lockin_output(&cfg, &state);
                 }
@@ -152,7 +158,7 @@ static void test_standing_oscillator_saturates(void)
         struct complex_q30 out = {0, 0};
         lockin_reset(&state);
         for (int n = 1; n <= 32; n++) {
-            lockin_step(&state, INT32_MIN, lockin_weigh(8, (uint32_t)(n - 1) % 8, oscillator_phasor(quarter << 30)));
+            step(&state, INT32_MIN, 8, (uint32_t)n - 1, oscillator_phasor(quarter << 30));
             if (n % 8 == 0) {
                 out = lockin_output(&cfg, &state);
             }
@@ -171,7 +177,7 @@ static void test_nulls_at_multiples_of_the_tick_rate(void)
     struct complex_q30 out = {0, 0};
     lockin_reset(&state);
     for (int n = 1; n <= 100; n++) { /* an offset of the converter stands at the carrier after mixing */
-        lockin_step(&state, INT32_MAX / 3, lockin_weigh(10, (uint32_t)(n - 1) % 10, oscillator_phasor(oscillator_step(&oscillator))));
+        step(&state, INT32_MAX / 3, 10, (uint32_t)n - 1, oscillator_phasor(oscillator_step(&oscillator)));
         if (n % 10 == 0) {
             out = lockin_output(&cfg, &state);
         }
