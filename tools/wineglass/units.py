@@ -30,6 +30,8 @@ _TABLE = [
     Unit("deg/s", "rate", _DEG),
     Unit("mdeg/s", "rate", 1e-3 * _DEG),
     Unit("deg/h", "rate", _DEG / 3600.0),
+    Unit("rad", "angle"),
+    Unit("deg", "angle", _DEG),
     Unit("degC", "temperature"),
     Unit("K", "temperature", 1.0, -273.15),
     Unit("s", "time"),
