@@ -42,7 +42,8 @@ static void take_phases(const struct envelope *e, const struct path_parameters *
     physics->pickoff[0] = path->pickoff_gain[0];
     physics->pickoff[1] = path->pickoff_gain[1];
     physics->force_phase_rad = w * (sample_s * spare_samples - path->force_delay_s - path->pickoff_delay_s[0]);
-    physics->sense_phase_rad = w * (path->pickoff_delay_s[1] - path->pickoff_delay_s[0]);
+    double secondary_later_s = sample_s * electronics->adc_secondary_delay_samples + path->pickoff_delay_s[1] - path->pickoff_delay_s[0];
+    physics->sense_phase_rad = w * secondary_later_s;
     physics->feedthrough = (struct phasor){0.0, 0.0};
     if (path->drive_feedthrough != 0.0) {
         double lead_samples = e->firmware.loop_delay_samples - electronics->dac_latency_samples - 1.0;
@@ -67,11 +68,9 @@ void envelope_physics_at(const struct envelope *e, const struct effect_context *
 struct envelope_tables envelope_tables_at(const struct envelope *e, double shift_degc)
 {
     const struct envelope_firmware *firmware = &e->firmware;
-    const struct envelope_polynomial *scale =
-        firmware->loop == GYRO_LOOP_REBALANCE ? &firmware->rebalance_scale_rad_s : &firmware->scale_rad_s;
     return (struct envelope_tables){
         .bias_rad_s = envelope_polynomial(&firmware->bias_rad_s, shift_degc),
-        .scale_rad_s = envelope_polynomial(scale, shift_degc),
+        .scale_rad_s = envelope_polynomial(envelope_scale(firmware), shift_degc),
         .decay_per_s = envelope_polynomial(&firmware->decay_per_s, shift_degc),
         .demodulation_rad = envelope_polynomial(&firmware->demodulation_rad, shift_degc),
         .drive_phase_rad = envelope_polynomial(&firmware->drive_phase_rad, shift_degc),

@@ -40,6 +40,7 @@ static bool electronics_ok(const struct electronics_cfg *cfg)
 {
     bool ok = cfg->adc_bits >= 8 && cfg->adc_bits <= 32 && cfg->dac_bits >= 8 && cfg->dac_bits <= 32
               && within(cfg->adc_delay_samples, 0.0, LONGEST_DELAY_SAMPLES)
+              && within(cfg->adc_secondary_delay_samples, 0.0, LONGEST_DELAY_SAMPLES - cfg->adc_delay_samples)
               && within(cfg->dac_latency_samples, 0.0, LONGEST_DELAY_SAMPLES);
     for (int channel = 0; channel < 2; channel++) {
         ok = ok && within(cfg->adc_noise_rms_fs[channel], 0.0, 1.0) && within(cfg->adc_offset_fs[channel], -1.0, 1.0);
