@@ -38,6 +38,9 @@ if(WINEGLASS_SANITIZE)
   target_compile_options(wineglass_sanitizers INTERFACE ${sanitizer_flags})
   target_link_options(wineglass_sanitizers INTERFACE ${sanitizer_flags})
 endif()
+if(WINEGLASS_FUZZ) # coverage feedback; the fuzzer itself is linked into the harnesses only
+  target_compile_options(wineglass_sanitizers INTERFACE -fsanitize=fuzzer-no-link)
+endif()
 
 function(wineglass_library room)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "SOURCES;HEADERS;INCLUDE;LINK;OPTIONS;DEFINITIONS")

@@ -21,7 +21,8 @@ size_t snapshot_bytes(void);
 /* Bytes position .. position + count - 1, as far as there are any; returns how many were written. */
 size_t snapshot_write(const struct snapshot *snapshot, size_t position, uint8_t *out, size_t count);
 
-/* 0, or -1 when version or size are not the present ones (*snapshot unchanged). */
+/* 0, or -1 when version or size are not the present ones or a count, shift or choice is outside its range (*snapshot unchanged). The
+ * other numbers are taken as they are: a state is trusted to come from a device. */
 int snapshot_read(const uint8_t *bytes, size_t size, struct snapshot *snapshot);
 
 #endif

@@ -186,13 +186,46 @@ static void other_versions_and_sizes_are_refused(void)
 {
     static struct snapshot snapshot;
     uint8_t bytes[SNAPSHOT_MAX] = {0};
-    write_whole(&snapshot, bytes);
+    struct run *run = run_create(GYRO_COMPENSATION_G2);
+    write_whole(&run->gyro, bytes);
+    free(run);
     TEST_ASSERT_EQUAL_INT(0, snapshot_read(bytes, snapshot_bytes(), &snapshot));
     TEST_ASSERT_EQUAL_INT(-1, snapshot_read(bytes, snapshot_bytes() - 1, &snapshot));
     TEST_ASSERT_EQUAL_INT(-1, snapshot_read(bytes, snapshot_bytes() + 1, &snapshot));
     TEST_ASSERT_EQUAL_INT(-1, snapshot_read(bytes, 0, &snapshot));
     bytes[0] ^= 1;
     TEST_ASSERT_EQUAL_INT(-1, snapshot_read(bytes, snapshot_bytes(), &snapshot));
+}
+
+static void expect_refused(const struct snapshot *changed)
+{
+    static struct snapshot target;
+    uint8_t bytes[SNAPSHOT_MAX], before[SNAPSHOT_MAX], after[SNAPSHOT_MAX];
+    write_whole(&target, before);
+    write_whole(changed, bytes);
+    TEST_ASSERT_EQUAL_INT(-1, snapshot_read(bytes, snapshot_bytes(), &target));
+    write_whole(&target, after);
+    TEST_ASSERT_EQUAL_HEX8_ARRAY(before, after, snapshot_bytes());
+}
+
+/* A damaged file must not make the signal processing divide by zero, shift too far or leave a table. */
+static void counts_shifts_and_choices_outside_their_range_are_refused(void)
+{
+    struct run *run = run_create(GYRO_COMPENSATION_G2);
+    struct snapshot *gyro = &run->gyro;
+    uint32_t *const words[] = {
+        &gyro->cfg.lockin.decimation, &gyro->cfg.acquisition.decimation, &gyro->cfg.loops_per_slow, &gyro->cfg.acquisition.chirp_ticks_log2,
+        &gyro->cfg.acquisition.listen_ticks_log2, &gyro->cfg.output_filter, &gyro->cfg.loop, &gyro->cfg.compensation, &gyro->cfg.dac_shift,
+    };
+    for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
+        uint32_t right = *words[i];
+        *words[i] = 200;
+        expect_refused(gyro);
+        *words[i] = right;
+    }
+    gyro->cfg.lockin.decimation = gyro->cfg.acquisition.decimation = 0;
+    expect_refused(gyro);
+    free(run);
 }
 
 int main(void)
@@ -202,5 +235,6 @@ int main(void)
     RUN_TEST(restored_gyros_continue_bit_by_bit);
     RUN_TEST(chunks_are_the_whole);
     RUN_TEST(other_versions_and_sizes_are_refused);
+    RUN_TEST(counts_shifts_and_choices_outside_their_range_are_refused);
     return UNITY_END();
 }
