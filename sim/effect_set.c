@@ -1,6 +1,11 @@
 #include "sim/effect_set.h"
 
+#include <math.h>
 #include <string.h>
+
+#include "sim/elementary.h"
+
+_Static_assert(sizeof((struct effect_setting *)0)->value == EFFECT_PARAMETERS * sizeof(double), "one value per parameter");
 
 /* ---- the catalogue ----------------------------------------------------------------------------------------------------- */
 
@@ -83,7 +88,8 @@ static void switch_on(struct effect_set *set, const struct effect_setting *setti
     set->advance = set->advance || effect->advance;
     set->thermometer = set->thermometer || effect->thermometer;
     set->reading = set->reading || effect->reading;
-    set->samples = set->samples || effect->pickoff || effect->force;
+    set->firmware = set->firmware || effect->firmware;
+    set->pickoff = set->pickoff || effect->pickoff;
     set->averaged = set->averaged || effect->averaged;
 }
 
@@ -126,7 +132,7 @@ void effect_set_averaged(const struct effect_set *set, const struct effect_conte
     for (uint32_t i = 0; set->averaged && i < set->count; i++) {
         const struct effect_active *active = &set->active[i];
         if (active->effect->averaged) {
-            active->effect->averaged(active->value, active->state, now, p);
+            active->effect->averaged(active->value, now, p);
         }
     }
 }
@@ -152,33 +158,57 @@ double effect_set_thermometer(struct effect_set *set, const struct effect_contex
     return degc;
 }
 
-double effect_set_reading(const struct effect_set *set, const struct effect_context *now, double degc, double noise_degc)
+double effect_set_reading(const struct effect_set *set, const struct effect_context *now, double degc, double spread_degc, double noise_degc)
 {
     for (uint32_t i = 0; set->reading && i < set->count; i++) {
         const struct effect_active *active = &set->active[i];
         if (active->effect->reading) {
-            degc = active->effect->reading(active->value, now, degc, noise_degc);
+            degc = active->effect->reading(active->value, now, degc, spread_degc, noise_degc);
         }
     }
     return degc;
 }
 
-void effect_set_pickoff(struct effect_set *set, uint64_t sample, double displacement_fs[2])
+void effect_set_firmware(const struct effect_set *set, struct gyro_cfg *gyro)
 {
-    for (uint32_t i = 0; i < set->count; i++) {
-        struct effect_active *active = &set->active[i];
-        if (active->effect->pickoff) {
-            active->effect->pickoff(active->value, active->state, sample, displacement_fs);
+    for (uint32_t i = 0; set->firmware && i < set->count; i++) {
+        const struct effect_active *active = &set->active[i];
+        if (active->effect->firmware) {
+            active->effect->firmware(active->value, gyro);
         }
     }
 }
 
-void effect_set_force(struct effect_set *set, uint64_t sample, double force_fs[2])
+void effect_set_pickoff(const struct effect_set *set, const struct effect_context *now, uint64_t sample,
+                        const double velocity_fs_s[2], double displacement_fs[2])
 {
     for (uint32_t i = 0; i < set->count; i++) {
-        struct effect_active *active = &set->active[i];
-        if (active->effect->force) {
-            active->effect->force(active->value, active->state, sample, force_fs);
+        const struct effect_active *active = &set->active[i];
+        if (active->effect->pickoff) {
+            active->effect->pickoff(active->value, now, sample, velocity_fs_s, displacement_fs);
         }
     }
+}
+
+/* ---- noise ------------------------------------------------------------------------------------------------------------- */
+
+static uint64_t mix(uint64_t z)
+{
+    z = (z ^ (z >> 30)) * UINT64_C(0xBF58476D1CE4E5B9);
+    z = (z ^ (z >> 27)) * UINT64_C(0x94D049BB133111EB);
+    return z ^ (z >> 31);
+}
+
+static double uniform(uint64_t bits)
+{
+    return ((double)(bits >> 11) + 0.5) * 0x1p-53;
+}
+
+/* Box and Muller, from two hashes of (seed, stream, place). */
+double effect_noise(uint64_t seed, uint32_t stream, uint64_t place)
+{
+    const uint64_t golden = UINT64_C(0x9E3779B97F4A7C15);
+    uint64_t key = mix(mix(seed + golden) ^ (stream * golden));
+    double radius = sqrt(-2.0 * elementary_log(uniform(mix(key ^ (2 * place * golden)))));
+    return radius * elementary_cos_sin_turns(uniform(mix(key ^ ((2 * place + 1) * golden)))).cosine;
 }

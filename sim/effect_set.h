@@ -12,7 +12,7 @@ struct effect_active {
 
 struct effect_set {
     uint32_t count;
-    bool parameters, advance, thermometer, reading, samples, averaged; /* any effect has the hook */
+    bool parameters, advance, thermometer, reading, firmware, pickoff, averaged; /* any effect has the hook */
     struct effect_active active[EFFECT_SET];
 };
 
@@ -44,10 +44,11 @@ void effect_set_advance(struct effect_set *set, const struct effect_context *now
 
 double effect_set_thermometer(struct effect_set *set, const struct effect_context *now, double degc);
 
-double effect_set_reading(const struct effect_set *set, const struct effect_context *now, double degc, double noise_degc);
+double effect_set_reading(const struct effect_set *set, const struct effect_context *now, double degc, double spread_degc, double noise_degc);
 
-void effect_set_pickoff(struct effect_set *set, uint64_t sample, double displacement_fs[2]);
+void effect_set_firmware(const struct effect_set *set, struct gyro_cfg *gyro);
 
-void effect_set_force(struct effect_set *set, uint64_t sample, double force_fs[2]);
+void effect_set_pickoff(const struct effect_set *set, const struct effect_context *now, uint64_t sample,
+                        const double velocity_fs_s[2], double displacement_fs[2]);
 
 #endif

@@ -28,8 +28,10 @@ static void take_delays(struct envelope *e)
     e->drive_delay_s = sample_s * (seen + 3.0 + held);
     e->rebalance_delay_s = sample_s * (seen + 4.0 + held);
     e->pll_delay_s = sample_s * (seen + 2.0 + 0.5 * n);
+    e->command_delay_s = sample_s * (n - 2.0 + electronics->dac_latency_samples);
     e->amplitude_late_s = sample_s * (seen + 5.0 - 0.5 * n);
     e->force_late_s = sample_s * (1.0 - n - electronics->dac_latency_samples);
+    e->sampled_late_s = -0.5 * e->firmware.slow_s;
     e->temperature_late_s = sample_s * (0.5 * e->firmware.slow_samples + PUBLISH_SAMPLES);
 }
 
@@ -52,9 +54,14 @@ static void build_all_maps(struct envelope *e)
     build_maps(e, 1, &e->single);
 }
 
+/* Effects first: they may change what the device computes with. */
 static int32_t take_calibration(struct envelope *e, const uint8_t *block, size_t size)
 {
     struct calibration calibration;
+    if (!effect_set_init(&e->effects, e->cfg.effects, e->cfg.n_effects)) {
+        return TWIN_ERROR_EFFECT;
+    }
+    e->cfg.effects = NULL;
     const struct hal_properties board = {
         .sample_rate_millihz = (uint32_t)(e->plant.sample_rate_hz * 1000.0 + 0.5),
         .dac_bits = e->plant.electronics.dac_bits,
@@ -63,6 +70,7 @@ static int32_t take_calibration(struct envelope *e, const uint8_t *block, size_t
     if (calibration_parse(bytes, block ? size : CALIBRATION_BYTES, &board, &calibration) != REASON_OK) {
         return TWIN_ERROR_DEVICE;
     }
+    effect_set_firmware(&e->effects, &calibration.gyro);
     envelope_firmware_init(&calibration, &e->as_calibrated);
     return TWIN_OK;
 }
@@ -80,10 +88,6 @@ static int32_t init(struct envelope *e, const uint8_t *block, size_t size)
     if (error != TWIN_OK) {
         return error;
     }
-    if (!effect_set_init(&e->effects, e->cfg.effects, e->cfg.n_effects)) {
-        return TWIN_ERROR_EFFECT;
-    }
-    e->cfg.effects = NULL;
     resonator_init(&e->plant.resonator, &e->resonator);
     double half_angle = 0.5 * e->resonator.velocity_scale_rad_s * e->as_calibrated.sample_s;
     e->carrier_gain = sin(half_angle) / half_angle;
@@ -152,8 +156,10 @@ static struct effect_context context_at(const struct envelope *e, double tick, d
         .time_s = time_at(e, tick),
         .duration_s = duration_s,
         .amplitude_fs = e->motion.amplitude,
+        .secondary_fs = phasor_size(e->motion.secondary),
         .reference_degc = e->plant.resonator.reference_degc,
         .velocity_scale_rad_s = e->resonator.velocity_scale_rad_s,
+        .sample_rate_hz = e->plant.sample_rate_hz,
         .seed = e->plant.seed,
     };
 }
@@ -167,9 +173,19 @@ static double shift_of(const struct envelope *e, double degc)
     return (code - e->firmware.shift_offset_raw) * e->firmware.shift_per_code_degc;
 }
 
-static double reading_of(const struct envelope *e, const struct effect_context *now, double sensed_degc)
+static double reading_of(const struct envelope *e, const struct effect_context *now, double sensed_degc, double spread_degc)
 {
-    return shift_of(e, effect_set_reading(&e->effects, now, sensed_degc, e->plant.thermal.thermometer_noise_degc));
+    return shift_of(e, effect_set_reading(&e->effects, now, sensed_degc, spread_degc, e->plant.thermal.thermometer_noise_degc));
+}
+
+/* Of an element that goes through three temperatures. Without an effect on readings that is a parabola, with one the mean of a line. */
+static struct span readings_of(const struct envelope *e, const struct effect_context *now, double start, double middle, double end)
+{
+    double last = reading_of(e, now, end, 0.0);
+    if (!e->effects.reading) {
+        return span_through(shift_of(e, start), shift_of(e, middle), last);
+    }
+    return (struct span){reading_of(e, now, start, 0.0), reading_of(e, now, 0.5 * (start + end), end - start), last};
 }
 
 static void take_point(struct envelope *e, double rate_rad_s)
@@ -180,7 +196,7 @@ static void take_point(struct envelope *e, double rate_rad_s)
     now.amplitude_fs = e->firmware.amplitude_fs;
     motion->rate_rad_s = rate_rad_s;
     motion->sensed_degc = effect_set_thermometer(&e->effects, &now, motion->temperature.thermometer_degc);
-    motion->last.temperature = reading_of(e, &now, motion->sensed_degc);
+    motion->last.temperature = reading_of(e, &now, motion->sensed_degc, 0.0);
     motion->tables = envelope_tables_at(e, motion->last.temperature);
     envelope_physics_at(e, &now, rate_rad_s, 0.0, &motion->physics);
 }
@@ -189,6 +205,7 @@ void envelope_reset(struct envelope *envelope)
 {
     bool changed = memcmp(&envelope->firmware, &envelope->as_calibrated, sizeof envelope->firmware) != 0;
     memset(&envelope->motion, 0, sizeof envelope->motion);
+    envelope->motion.amplitude_command = UINT64_MAX;
     envelope->firmware = envelope->as_calibrated;
     envelope->single_ticks = 0;
     effect_set_reset(&envelope->effects);
@@ -250,6 +267,7 @@ static void execute(struct envelope *e, const struct envelope_event *event)
     const double *value = event->value;
     switch (event->command) {
     case ENVELOPE_AMPLITUDE:
+        e->motion.amplitude_command = e->motion.tick;
         firmware->amplitude_fs = value[0];
         break;
     case ENVELOPE_COMPENSATION:
@@ -305,18 +323,20 @@ static void take_temperature(struct envelope *e, struct envelope_step *step, con
     double start = motion->sensed_degc;
     double end = effect_set_thermometer(&e->effects, now, motion->temperature.thermometer_degc);
     double between = e->effects.thermometer ? 0.5 * (start + end) : middle->thermometer_degc;
-    struct span sensed = span_through(reading_of(e, now, start), reading_of(e, now, between), reading_of(e, now, end));
+    struct span sensed = readings_of(e, now, start, between, end);
     motion->sensed_degc = end;
-    step->temperature = span_delay(sensed, e->temperature_late_s / step->step_s, &motion->last.temperature);
+    step->temperature = span_late(sensed, e->temperature_late_s / step->step_s);
+    step->temperature.start = motion->last.temperature;
+    motion->last.temperature = step->temperature.end;
     bool decouples = e->firmware.compensation == GYRO_COMPENSATION_G2 && e->firmware.loop == GYRO_LOOP_OPEN;
     struct span of_bias = decouples ? sensed : step->temperature;
     step->tables = envelope_tables_at(e, step->temperature.end);
     if (decouples) {
         step->tables.bias_rad_s = envelope_polynomial(&e->firmware.bias_rad_s, sensed.end);
     }
-    step->bias = span_through(motion->tables.bias_rad_s, envelope_polynomial(&e->firmware.bias_rad_s, span_middle(of_bias)),
-                              step->tables.bias_rad_s);
-    step->scale_mean = 0.5 * (motion->tables.scale_rad_s + step->tables.scale_rad_s);
+    step->bias = (struct span){motion->tables.bias_rad_s, envelope_polynomial(&e->firmware.bias_rad_s, of_bias.mean),
+                               step->tables.bias_rad_s};
+    step->scale_mean = envelope_polynomial(envelope_scale(&e->firmware), step->temperature.mean);
     step->decay_mean = 0.5 * (motion->tables.decay_per_s + step->tables.decay_per_s);
     step->demodulation_mean = 0.5 * (motion->tables.demodulation_rad + step->tables.demodulation_rad);
 }
@@ -359,8 +379,10 @@ static struct rates rates_of(struct envelope *e, const struct envelope_step *ste
     double end = 1.0 / (step->end.pickoff[0] * step->amplitude.end);
     struct span ratio = {last->ratio_re, read->re.mean * mean, read->re.end * end};
     struct span ratio_q = {last->ratio_im, read->im.mean * mean, read->im.end * end};
-    ratio = span_delay(ratio, late, &last->ratio_re);
-    ratio_q = span_delay(ratio_q, late, &last->ratio_im);
+    last->ratio_re = ratio.end;
+    last->ratio_im = ratio_q.end;
+    ratio = span_late(ratio, late);
+    ratio_q = span_late(ratio_q, late);
     struct span rate = {last->uncompensated, ratio.mean * step->scale_mean, ratio.end * step->tables.scale_rad_s};
     struct rates rates = {rate, rate, ratio_q.mean * step->scale_mean};
     bool decouples = e->firmware.compensation == GYRO_COMPENSATION_G2 && !closed;
@@ -386,9 +408,10 @@ static struct rates no_rates(struct envelope *e)
 
 static struct phasor late_mean(const struct phasor_span *x, double late, double *last_re, double *last_im)
 {
-    struct span re = {*last_re, x->re.mean, x->re.end};
-    struct span im = {*last_im, x->im.mean, x->im.end};
-    return (struct phasor){span_delay(re, late, last_re).mean, span_delay(im, late, last_im).mean};
+    struct phasor mean = {x->re.mean - late * (x->re.end - *last_re), x->im.mean - late * (x->im.end - *last_im)};
+    *last_re = x->re.end;
+    *last_im = x->im.end;
+    return mean;
 }
 
 /* Amplitudes as the oscillator sees them, turned by the phase loop's angle. */
@@ -396,9 +419,11 @@ static void publish_amplitudes(struct envelope *e, const struct envelope_step *s
 {
     struct envelope_last *last = &e->motion.last;
     struct phasor phi = phasor_turn(step->phi_mean);
-    struct phasor primary = phasor_scale(phi, step->middle.pickoff[0] * step->amplitude.mean);
+    double late = e->amplitude_late_s / step->step_s;
+    double amplitude = step->amplitude.mean - late * (step->amplitude.end - step->amplitude.start);
+    struct phasor primary = phasor_scale(phi, step->middle.pickoff[0] * amplitude);
     struct phasor secondary =
-        late_mean(&step->measured, e->amplitude_late_s / step->step_s, &last->secondary_re, &last->secondary_im);
+        late_mean(&step->measured, late, &last->secondary_re, &last->secondary_im);
     struct phasor rebalance =
         late_mean(&step->rebalance, e->force_late_s / step->step_s, &last->rebalance_re, &last->rebalance_im);
     secondary = phasor_product(secondary, phi);
@@ -417,9 +442,10 @@ static void publish(struct envelope *e, const struct envelope_step *step, double
     struct envelope_motion *motion = &e->motion;
     struct rates rates = motion->found && step->amplitude.mean > 0.0 ? rates_of(e, step) : no_rates(e);
     double weight = step->maps->ticks;
+    double sampled = e->sampled_late_s / step->step_s;
     publish_amplitudes(e, step, sum);
     sum[ENVELOPE_FREQUENCY] += weight * step->frequency_mean * step->middle.clock_ratio / ELEMENTARY_TWO_PI;
-    sum[ENVELOPE_LEVEL] += weight * step->level.mean;
+    sum[ENVELOPE_LEVEL] += weight * (step->level.mean - sampled * (step->level.end - step->level.start));
     sum[ENVELOPE_TEMPERATURE] += weight * (e->firmware.reference_degc + step->temperature.mean);
     sum[ENVELOPE_RATE] += weight * envelope_filter_step(&step->maps->filter, &motion->filter[0], rates.compensated);
     sum[ENVELOPE_UNCOMPENSATED] += weight * envelope_filter_step(&step->maps->filter, &motion->filter[1], rates.uncompensated);

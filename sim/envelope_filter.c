@@ -19,11 +19,11 @@ static double tick(uint32_t choice, double *s, double x)
     return x;
 }
 
-/* The firmware filters means over slow ticks: the parabola's values at their middles. */
-static double parabola_at(const double p[3], uint32_t i, uint32_t ticks)
+/* The firmware filters means over slow ticks. */
+static double mean_of_tick(const double p[3], uint32_t i, uint32_t ticks)
 {
     double s = (i + 0.5) / ticks;
-    return p[0] + s * (p[1] + s * p[2]);
+    return p[0] + s * (p[1] + s * p[2]) + p[2] / (12.0 * ticks * ticks);
 }
 
 /* One column: what a unit of one state, or of one of start, mean and end, becomes. */
@@ -38,7 +38,7 @@ static void run_column(uint32_t choice, uint32_t ticks, int column, struct envel
         s[column] = 1.0;
     }
     for (uint32_t i = 0; i < ticks; i++) {
-        sum += tick(choice, s, parabola_at(p, i, ticks));
+        sum += tick(choice, s, mean_of_tick(p, i, ticks));
     }
     for (int i = 0; i < ENVELOPE_FILTER_STATES; i++) {
         map->row[i][column] = s[i];

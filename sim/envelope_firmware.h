@@ -41,6 +41,12 @@ struct envelope_firmware {
     uint32_t loop, compensation, output_filter;
 };
 
+/* Scale factor of the loop that is on. */
+static inline const struct envelope_polynomial *envelope_scale(const struct envelope_firmware *firmware)
+{
+    return firmware->loop == GYRO_LOOP_REBALANCE ? &firmware->rebalance_scale_rad_s : &firmware->scale_rad_s;
+}
+
 void envelope_firmware_init(const struct calibration *calibration, struct envelope_firmware *firmware);
 
 #endif

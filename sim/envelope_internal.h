@@ -58,7 +58,7 @@ enum envelope_channel {
     ENVELOPE_SET_POINT, ENVELOPE_SHELL, ENVELOPE_CHANNELS
 };
 
-/* Late ends of the step before, for span_delay and for the filter's input. */
+/* Ends of the step before, of what is published late and of what is filtered. */
 struct envelope_last {
     double temperature, ratio_re, ratio_im, rate, uncompensated, rebalance_re, rebalance_im, secondary_re, secondary_im;
 };
@@ -83,6 +83,7 @@ struct envelope_motion {
     uint64_t tick;                           /* slow ticks done */
     uint64_t tone_start;                     /* tick of the last change of the test signal */
     uint64_t careful_until;                  /* single ticks before this one */
+    uint64_t amplitude_command;              /* tick at whose beginning the set-point changed last */
     uint64_t next_event;
     bool found;                              /* acquisition is over */
 };
@@ -106,7 +107,9 @@ struct envelope {
     struct effect_set effects, effects_saved;
     double carrier_gain;                     /* fundamental of a force held for a sample, over the force */
     double rebalance_delay_s, drive_delay_s, pll_delay_s;
+    double command_delay_s;                  /* from the publication at which a command is taken over to the force */
     double amplitude_late_s, force_late_s, temperature_late_s; /* published means against the step's own time */
+    double sampled_late_s;                   /* the same of what is sampled at publication: frequency, level */
     struct envelope_maps coarse, single;
     struct envelope_motion motion;
     const struct envelope_profile *profile;  /* during a run */

@@ -24,13 +24,12 @@ void envelope_pll_build(const struct envelope_firmware *firmware, double delay_s
 }
 
 /* What pushes the primary sideways shifts its frequency: A1' = j shift a. */
-static double frequency_shift(struct envelope *e, const struct envelope_step *step)
+static double frequency_shift(const struct envelope *e, const struct envelope_step *step)
 {
-    const struct envelope_motion *motion = &e->motion;
-    if (motion->amplitude < LEAST_AMPLITUDE) {
+    if (step->amplitude.mean < LEAST_AMPLITUDE) {
         return 0.0;
     }
-    return (motion->coupling.im + step->middle.push[0][0] * motion->level * step->turn.im) / motion->amplitude;
+    return (e->motion.coupling.im + step->middle.push[0][0] * step->level.mean * step->turn.im) / step->amplitude.mean;
 }
 
 static void run_phase(struct envelope *e, struct envelope_step *step)
@@ -48,7 +47,8 @@ static void run_phase(struct envelope *e, struct envelope_step *step)
     motion->phi_rad = state[0] + e->firmware.phase_set_point_rad;
     motion->integral_rad_s = state[1];
     step->phi_mean = mean[0] + e->firmware.phase_set_point_rad;
-    step->frequency_mean = natural.mean + step->shift_rad_s - (motion->phi_rad - phi_before) / step->step_s;
+    double published = natural.mean - e->sampled_late_s / step->step_s * (natural.end - natural.start);
+    step->frequency_mean = published + step->shift_rad_s - (motion->phi_rad - phi_before) / step->step_s;
 }
 
 /* ---- amplitude --------------------------------------------------------------------------------------------------------- */
@@ -137,35 +137,69 @@ static bool run_free(struct envelope *e, struct envelope_step *step, struct gain
     return within_limits(e, step->level);
 }
 
-/* Force at a limit; the integral rests unless the error takes it back. */
-static void run_held(struct envelope *e, struct envelope_step *step, struct gains gains, double level, double error_fs)
+/* One loop tick of the firmware with its limits, anti-windup included. Returns the force. */
+static double clamped_level(const struct envelope_firmware *firmware, double error_fs, double duration_s, double *integral)
 {
-    struct envelope_motion *motion = &e->motion;
-    double decay = step->middle.decay[0];
-    double final = (gains.push * level + motion->coupling.re) / decay;
-    double kept = exp(-decay * step->step_s);
-    double end = final + (motion->amplitude - final) * kept;
-    step->amplitude = (struct span){motion->amplitude, 0.5 * (motion->amplitude + end), end};
-    step->level = span_of(level);
-    bool towards_limit = level > 0.0 ? error_fs > 0.0 : error_fs < 0.0;
-    if (!towards_limit) {
-        double integral = motion->drive_integral + e->firmware.agc_ki * error_fs * step->step_s;
-        motion->drive_integral = fmin(fmax(integral, 0.0), e->firmware.drive_max_fs);
+    double most = firmware->drive_max_fs;
+    double wanted = firmware->agc_kp * error_fs + *integral;
+    bool held = (wanted > most && error_fs > 0.0) || (wanted < 0.0 && error_fs < 0.0);
+    if (!held) {
+        *integral = fmin(fmax(*integral + firmware->agc_ki * error_fs * duration_s, 0.0), most);
     }
+    return fmin(fmax(wanted, 0.0), most);
 }
 
+/* A single slow tick, loop tick by loop tick, with the force at a limit for a part of it. A command of its beginning acts a little later. */
+static void run_limited(struct envelope *e, struct envelope_step *step, struct gains gains)
+{
+    struct envelope_motion *motion = &e->motion;
+    const struct envelope_firmware *firmware = &e->firmware;
+    uint32_t parts = firmware->slow_samples / firmware->decimation;
+    double part_s = firmware->tick_s;
+    double decay = step->middle.decay[0];
+    double waiting_s = motion->tick == motion->amplitude_command ? e->command_delay_s : 0.0;
+    double a = motion->amplitude, level = motion->level, sum = 0.0, level_sum = 0.0;
+    for (uint32_t i = 0; i < parts; i++) {
+        double slope = gains.push * level + motion->coupling.re - decay * a;
+        double error_fs = firmware->amplitude_fs - step->middle.pickoff[0] * (a + slope * (0.5 * part_s - e->drive_delay_s));
+        double commanded = clamped_level(firmware, error_fs, part_s, &motion->drive_integral);
+        double old = fmin(fmax(waiting_s / part_s - i, 0.0), 1.0);
+        double acting = commanded + old * (motion->level - commanded);
+        double final = (gains.push * acting + motion->coupling.re) / decay;
+        double next = final + (a - final) * (1.0 - decay * part_s * (1.0 - 0.5 * decay * part_s));
+        sum += 0.5 * (a + next);
+        level_sum += acting;
+        level = commanded;
+        a = next;
+    }
+    step->amplitude = (struct span){motion->amplitude, sum / parts, a};
+    double mean = level_sum / parts;
+    step->level = (struct span){2.0 * mean - level, mean, level};
+}
+
+static bool beyond_limits(const struct envelope *e, const struct envelope_step *step)
+{
+    const struct envelope_motion *motion = &e->motion;
+    double error_fs = e->firmware.amplitude_fs - step->middle.pickoff[0] * motion->amplitude;
+    double wanted = e->firmware.agc_kp * error_fs + motion->drive_integral;
+    return wanted >= e->firmware.drive_max_fs || wanted <= 0.0;
+}
+
+/* After a command a single tick is also done loop tick by loop tick. */
 static bool run_controlled(struct envelope *e, struct envelope_step *step)
 {
+    const struct envelope_motion before = e->motion;
     struct gains gains = gains_of(e, step);
-    const struct envelope_firmware *firmware = &e->firmware;
-    double error_fs = firmware->amplitude_fs - step->middle.pickoff[0] * e->motion.amplitude;
-    double wanted = firmware->agc_kp * error_fs + e->motion.drive_integral;
-    bool above = wanted >= firmware->drive_max_fs;
-    if (above || wanted <= 0.0) {
-        run_held(e, step, gains, above ? firmware->drive_max_fs : 0.0, error_fs);
-        return false;
+    bool single = step->maps == &e->single;
+    bool limited = beyond_limits(e, step) || (single && before.tick == before.amplitude_command);
+    if (!limited && run_free(e, step, gains, e->firmware.amplitude_fs / step->middle.pickoff[0])) {
+        return true;
     }
-    return run_free(e, step, gains, firmware->amplitude_fs / step->middle.pickoff[0]);
+    if (single) {
+        e->motion.drive_integral = before.drive_integral;
+        run_limited(e, step, gains);
+    }
+    return false;
 }
 
 /* Before the drive loop closes the shell only rings. */

@@ -396,14 +396,26 @@ static bool is_controlled(const struct envelope *e, const struct envelope_step *
            && step->middle.pickoff[0] * step->amplitude.start > 0.5 * e->firmware.amplitude_fs;
 }
 
-/* What the secondary does to the primary, for the next step. */
-static void couple(struct envelope *e, const struct envelope_step *step)
+static struct phasor coupling_of(const struct envelope_physics *physics, struct phasor turn, struct phasor secondary,
+                                 struct phasor test, struct phasor rebalance)
+{
+    struct phasor pushed = phasor_scale(phasor_product(turn, phasor_subtract(test, rebalance)), physics->push[0][1]);
+    return phasor_add(phasor_product(physics->to_primary, secondary), pushed);
+}
+
+/* What the secondary does to the primary, for the next step. The frequency, which the phase loop follows at once, has been computed with the
+ * value at the step's beginning, and is put right here. */
+static void couple(struct envelope *e, struct envelope_step *step)
 {
     struct envelope_motion *motion = &e->motion;
-    struct phasor pushed = {step->test.re.end - motion->rebalance.re, step->test.im.end - motion->rebalance.im};
-    pushed = phasor_scale(phasor_product(step->turn, pushed), step->end.push[0][1]);
+    struct phasor mean = coupling_of(&step->middle, step->turn, phasor_span_mean(&step->secondary), phasor_span_mean(&step->test),
+                                     phasor_span_mean(&step->rebalance));
+    if (motion->found && motion->amplitude > 1e-3) {
+        step->frequency_mean += (mean.im - motion->coupling.im) / step->amplitude.mean;
+    }
     motion->coupling_before = motion->coupling;
-    motion->coupling = phasor_add(phasor_product(step->end.to_primary, motion->secondary), pushed);
+    motion->coupling =
+        coupling_of(&step->end, step->turn, motion->secondary, phasor_span_end(&step->test), motion->rebalance);
 }
 
 bool envelope_secondary(struct envelope *e, struct envelope_step *step)

@@ -44,14 +44,13 @@ static inline struct span span_product(struct span a, struct span b)
     return span_through(a.start * b.start, span_middle(a) * span_middle(b), a.end * b.end);
 }
 
-/* The same quantity seen `steps` (a fraction of the step) later than it happens; *last is the late end of the step before. The mean
- * is exact to second order; a constant stays one to the last bit. */
-static inline struct span span_delay(struct span a, double steps, double *last)
+/* The same quantity seen `steps` (a fraction of the step) later than it happens. Means are exact to second order, and what one step loses
+ * the next one gains: a.start must be the end of the step before. A constant stays one to the last bit. */
+static inline struct span span_late(struct span a, double steps)
 {
+    double slope_start = (a.mean - a.start) * 4.0 - (a.end - a.mean) * 2.0;
     double slope_end = (a.end - a.mean) * 4.0 - (a.mean - a.start) * 2.0;
-    struct span late = {*last, a.mean - steps * (a.end - a.start), a.end - steps * slope_end};
-    *last = late.end;
-    return late;
+    return (struct span){a.start - steps * slope_start, a.mean - steps * (a.end - a.start), a.end - steps * slope_end};
 }
 
 #endif

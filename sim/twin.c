@@ -17,7 +17,7 @@ static void read_thermometer(struct twin *twin, const struct effect_context *now
         noise_gaussian(&twin->noise_table, &twin->stream[TWIN_STREAM_THERMOMETER], 1, &noise_degc);
         noise_degc *= twin->cfg.thermal.thermometer_noise_degc;
     }
-    double reading_degc = effect_set_reading(&twin->effects, now, sensed_degc + noise_degc, 0.0);
+    double reading_degc = effect_set_reading(&twin->effects, now, sensed_degc + noise_degc, 0.0, 0.0);
     twin->thermometer_code = thermometer_code(&twin->cfg.thermal, reading_degc);
     wg_device_set_thermometer(twin->device, twin->thermometer_code);
 }
@@ -30,10 +30,10 @@ void twin_parameters_at(const struct twin *twin, const struct effect_context *no
     effect_set_parameters(&twin->effects, now, parameters);
 }
 
-static double primary_amplitude(const struct twin *twin)
+static double amplitude_of(const struct twin *twin, int mode)
 {
-    pair primary = twin->motion.mode[0];
-    return sqrt(primary[0] * primary[0] + primary[1] * primary[1]);
+    pair motion = twin->motion.mode[mode];
+    return sqrt(motion[0] * motion[0] + motion[1] * motion[1]);
 }
 
 struct effect_context twin_context(const struct twin *twin, double blocks)
@@ -42,9 +42,11 @@ struct effect_context twin_context(const struct twin *twin, double blocks)
     return (struct effect_context){
         .time_s = (double)twin->sample / twin->cfg.sample_rate_hz + blocks * block_s,
         .duration_s = block_s,
-        .amplitude_fs = twin->effects.count > 0 ? primary_amplitude(twin) : 0.0,
+        .amplitude_fs = twin->effects.count > 0 ? amplitude_of(twin, 0) : 0.0,
+        .secondary_fs = twin->effects.count > 0 ? amplitude_of(twin, 1) : 0.0,
         .reference_degc = twin->cfg.resonator.reference_degc,
         .velocity_scale_rad_s = twin->resonator.velocity_scale_rad_s,
+        .sample_rate_hz = twin->cfg.sample_rate_hz,
         .seed = twin->cfg.seed,
     };
 }
@@ -56,7 +58,7 @@ static void set_path(struct twin *twin, const struct path_parameters *path)
     struct sampling_delays delays = {
         .latency_samples = electronics->dac_latency_samples + path->force_delay_s / period_s,
         .pickoff_samples = {electronics->adc_delay_samples + path->pickoff_delay_s[0] / period_s,
-                            electronics->adc_delay_samples + path->pickoff_delay_s[1] / period_s},
+                            electronics->adc_delay_samples + electronics->adc_secondary_delay_samples + path->pickoff_delay_s[1] / period_s},
         .drive_feedthrough = path->drive_feedthrough,
     };
     sampling_plan_init(period_s, &delays, &twin->sampling_plan);
@@ -172,6 +174,10 @@ void twin_destroy(struct twin *twin)
 int32_t twin_set_effects(struct twin *twin, const struct effect_setting *effects, uint32_t n_effects)
 {
     int32_t result = effect_set_init(&twin->effects, effects, n_effects) ? TWIN_OK : TWIN_ERROR_EFFECT;
+    struct application *app = &twin->device->app;
+    effect_set_firmware(&twin->effects, &app->calibration.gyro);
+    app->cfgs[0] = app->cfgs[1] = app->calibration.gyro;
+    gyro_reset(app->cfg, &app->gyro);
     noise_init(&twin->stream[TWIN_STREAM_THERMOMETER], twin->cfg.seed, TWIN_STREAM_THERMOMETER);
     set_first_parameters(twin);
     return result;
@@ -194,17 +200,12 @@ static void draw_noise(struct twin *twin)
     }
 }
 
-static pair through_pickoff(struct effect_set *effects, uint64_t sample, pair displacement)
+static pair through_effects(const struct twin *twin, uint64_t sample, const struct resonator_state *motion, pair seen)
 {
-    double values[2] = {displacement[0], displacement[1]};
-    effect_set_pickoff(effects, sample, values);
-    return (pair){values[0], values[1]};
-}
-
-static pair through_force(struct effect_set *effects, uint64_t sample, pair force)
-{
-    double values[2] = {force[0], force[1]};
-    effect_set_force(effects, sample, values);
+    double scale = twin->resonator.velocity_scale_rad_s;
+    double velocity[2] = {motion->mode[0][1] * scale, motion->mode[1][1] * scale};
+    double values[2] = {seen[0], seen[1]};
+    effect_set_pickoff(&twin->effects, &twin->now, sample, velocity, values);
     return (pair){values[0], values[1]};
 }
 
@@ -223,11 +224,10 @@ static inline void run_samples_hooked(struct twin *twin, uint32_t first, uint32_
         int32_t adc[2], dac[2];
         sample++;
         pair seen = sampling_step(&plan, &twin->map, &twin->history, sample, &motion);
-        seen = hooked ? through_pickoff(&twin->effects, sample, seen) : seen;
+        seen = hooked ? through_effects(twin, sample, &motion, seen) : seen;
         adc_convert(&twin->adc, seen, (pair){noise[0][i], noise[1][i]}, adc, &adc_saturations);
         wg_device_sample(device, adc, dac);
-        pair force = dac_convert(&twin->dac, dac, &dac_saturations);
-        sampling_push_force(&twin->history, sample, hooked ? through_force(&twin->effects, sample, force) : force);
+        sampling_push_force(&twin->history, sample, dac_convert(&twin->dac, dac, &dac_saturations));
         if (codes) {
             memcpy(codes + 4 * i, adc, sizeof adc);
             memcpy(codes + 4 * i + 2, dac, sizeof dac);
@@ -239,10 +239,16 @@ static inline void run_samples_hooked(struct twin *twin, uint32_t first, uint32_
     twin->dac_saturations += dac_saturations;
 }
 
+/* Out of line, so that the loop without hooks stays as it is where it is. */
+static void __attribute__((noinline)) run_samples_with_effects(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
+{
+    run_samples_hooked(twin, first, end, codes, true);
+}
+
 static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
 {
-    if (twin->effects.samples) {
-        run_samples_hooked(twin, first, end, codes, true);
+    if (twin->effects.pickoff) {
+        run_samples_with_effects(twin, first, end, codes);
     } else {
         run_samples_hooked(twin, first, end, codes, false);
     }
@@ -258,6 +264,7 @@ static void run_block(struct twin *twin, double rate_rad_s, double rate_dot_rad_
     now.shell_degc = middle.shell_degc;
     now.shell_slope_degc_s = (twin->temperature.shell_degc - shell_start_degc) / now.duration_s;
     set_parameters(twin, &now, rate_rad_s, rate_dot_rad_s2);
+    twin->now = now;
     draw_noise(twin);
     run_samples(twin, 0, last, codes);
     now.time_s += 0.5 * now.duration_s;

@@ -90,7 +90,7 @@ WG_EXPORT struct twin *twin_create(const struct twin_cfg *cfg, const uint8_t *ca
 
 WG_EXPORT void twin_destroy(struct twin *twin);
 
-/* Switches effects on (and those of an earlier call off), before the first run. 0, or TWIN_ERROR_EFFECT and none is on. */
+/* Switches effects on, once, before the first run and before any command. 0, or TWIN_ERROR_EFFECT and none is on. */
 WG_EXPORT int32_t twin_set_effects(struct twin *twin, const struct effect_setting *effects, uint32_t n_effects);
 
 /* Runs profile->n_blocks blocks from where the last call ended. record may be NULL. Splitting a run into calls changes nothing.

@@ -33,6 +33,7 @@ struct twin {
     struct sampling_history history;
     struct noise_state stream[TWIN_STREAM_COUNT];
     struct effect_set effects;
+    struct effect_context now; /* of the present block's middle */
     int32_t thermometer_code;
     uint64_t sample;
     uint64_t adc_saturations, dac_saturations;

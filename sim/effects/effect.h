@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "core/gyro.h"
 #include "hal/host/wg_export.h"
 #include "sim/plant_parameters.h"
 
@@ -50,8 +51,10 @@ struct effect_context {
     double shell_degc;           /* true temperature of the shell at that instant */
     double shell_slope_degc_s;
     double amplitude_fs;         /* of the primary, at the beginning of the block or step */
+    double secondary_fs;         /* of the secondary, the same */
     double reference_degc;       /* T0 of all polynomials */
     double velocity_scale_rad_s; /* nominal natural frequency k */
+    double sample_rate_hz;       /* nominal */
     uint64_t seed;
 };
 
@@ -73,16 +76,38 @@ struct effect {
     /* The temperature that the sensing element has, from the one it should have, at the end of the block or step. Called once. */
     double (*thermometer)(const double *values, double *state, const struct effect_context *now, double degc);
 
-    /* The reading, from the sensing element's temperature with its noise. noise_degc: rms of that noise if it has not been added yet
-     * (envelope twin: the answer is then the mean over the noise), else 0. */
-    double (*reading)(const double *values, const struct effect_context *now, double degc, double noise_degc);
+    /* The reading, from the sensing element's temperature with its noise. Envelope twin: the mean reading while the element goes evenly
+     * from degc - spread/2 to degc + spread/2, over noise of that rms. Sampled twin: both are 0, noise is already added. */
+    double (*reading)(const double *values, const struct effect_context *now, double degc, double spread_degc, double noise_degc);
 
-    /* Sampled twin only: what stands at the ADC inputs and at the DAC outputs of one sample, FS; and, for the envelope twin only, the
-     * change of parameters that has the same effect averaged over the carrier. */
-    void (*pickoff)(const double *values, double *state, uint64_t sample, double displacement_fs[2]);
-    void (*force)(const double *values, double *state, uint64_t sample, double force_fs[2]);
-    void (*averaged)(const double *values, const double *state, const struct effect_context *now, struct plant_parameters *p);
+    /* What the device computes with differs from what the calibration block says. Called once, at power-up. */
+    void (*firmware)(const double *values, struct gyro_cfg *gyro);
+
+    /* Sampled twin only: what stands at the ADC inputs at one sample, in FS; velocity_fs_s: of both modes then. */
+    void (*pickoff)(const double *values, const struct effect_context *now, uint64_t sample, const double velocity_fs_s[2],
+                    double displacement_fs[2]);
+
+    /* Envelope twin only: the change of parameters that is the same as `pickoff` averaged over the carrier. */
+    void (*averaged)(const double *values, const struct effect_context *now, struct plant_parameters *p);
 };
+
+/* ---- for the effects' files -------------------------------------------------------------------------------------------- */
+
+/* Shell's temperature from T0. */
+static inline double effect_shift_degc(const struct effect_context *now)
+{
+    return now->shell_degc - now->reference_degc;
+}
+
+/* A bias, as the rate that it looks like: cross damping, both ways. */
+static inline void effect_add_bias(struct plant_parameters *p, double rate_rad_s)
+{
+    p->resonator.cross_damping_12 += p->resonator.angular_gain * rate_rad_s;
+    p->resonator.cross_damping_21 += p->resonator.angular_gain * rate_rad_s;
+}
+
+/* A standard Gaussian number for a place in time, the same in both twins whatever their steps are. */
+double effect_noise(uint64_t seed, uint32_t stream, uint64_t place);
 
 /* The list, in alphabetical order of ids; effect_list is made by the build from the files of this folder. */
 extern const struct effect *const effect_list[];

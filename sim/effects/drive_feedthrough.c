@@ -1,0 +1,20 @@
+/* Drive voltage leaks into the secondary pickoff. */
+#include "sim/effects/effect.h"
+
+static void apply(const double *values, const double *state, const struct effect_context *now, struct plant_parameters *p)
+{
+    (void)state;
+    p->path.drive_feedthrough += values[0] + values[1] * effect_shift_degc(now);
+}
+
+const struct effect effect_drive_feedthrough = {
+    .id = "drive_feedthrough",
+    .stage = EFFECT_STAGE_PICKOFF,
+    .equation = "secondary pickoff -> + (e + s t) drive output at the instant of conversion",
+    .appearance = "mostly quadrature, in proportion to the drive level and without the secondary's lag; gone when the drive is off",
+    .parameter = {
+        {"leak", "FS/FS", EFFECT_STRENGTH, 0.0, -0.1, 0.1, 1e-3, "60 dB of isolation between neighbouring electrodes"},
+        {"slope_per_degc", "1/degC", EFFECT_STRENGTH, 0.0, -1e-3, 1e-3, 1e-5, "a per cent of it per degC"},
+    },
+    .parameters = apply,
+};

@@ -1,0 +1,25 @@
+/* The shell's frequency follows temperature otherwise than described: k -> k (1 + s t + c t^2), both modes alike. */
+#include "sim/effects/effect.h"
+
+static void apply(const double *values, const double *state, const struct effect_context *now, struct plant_parameters *p)
+{
+    (void)state;
+    double t = effect_shift_degc(now);
+    double ratio = 1.0 + 1e-6 * t * (values[0] + t * values[1]);
+    p->resonator.stiffness[0] *= ratio * ratio;
+    p->resonator.stiffness[1] *= ratio * ratio;
+}
+
+const struct effect effect_frequency_temperature = {
+    .id = "frequency_temperature",
+    .stage = EFFECT_STAGE_PRIMARY,
+    .equation = "k -> k (1 + s t + c t^2), t = T - T0",
+    .appearance = "drive frequency against temperature; nothing in rate or level",
+    .parameter = {
+        {"slope_ppm_per_degc", "ppm/degC", EFFECT_STRENGTH, 0.0, -200.0, 200.0, 0.5,
+         "elastic alloys are delivered within a few tenths of a ppm/degC; bound: twice plain fused silica"},
+        {"curvature_ppm_per_degc2", "ppm/degC^2", EFFECT_STRENGTH, 0.0, -2.0, 2.0, 0.01,
+         "the quadratic part that heat treatment leaves; bound: a hundred times that"},
+    },
+    .parameters = apply,
+};

@@ -1,0 +1,57 @@
+/* The thermometer reads in coarse steps. */
+#include <math.h>
+
+#include "sim/effects/effect.h"
+#include "sim/elementary.h"
+
+/* Integral of the rounded value from 0. */
+static double rounded_integral(double codes)
+{
+    double whole = floor(codes + 0.5);
+    return whole * (codes - whole) + 0.5 * whole * whole;
+}
+
+/* Mean over an even spread. */
+static double mean_over_spread(double codes, double spread)
+{
+    return (rounded_integral(codes + 0.5 * spread) - rounded_integral(codes - 0.5 * spread)) / spread;
+}
+
+/* Mean over Gaussian noise and an even spread: the saw-tooth's Fourier series, each harmonic weakened by both. */
+static double mean_over_noise(double codes, double spread, double noise)
+{
+    double sum = codes;
+    for (int k = 1; k <= 12; k++) {
+        double angle = ELEMENTARY_TWO_PI * k;
+        double weight = exp(-0.5 * angle * noise * angle * noise) * (k % 2 == 1 ? -2.0 : 2.0) / angle;
+        double half = 0.5 * angle * spread;
+        double even = half > 1e-6 ? sin(half) / half : 1.0;
+        sum += weight * even * sin(angle * codes);
+    }
+    return sum;
+}
+
+static double read(const double *values, const struct effect_context *now, double degc, double spread_degc, double noise_degc)
+{
+    double codes = (degc - now->reference_degc) / values[0];
+    double spread = fabs(spread_degc) / values[0];
+    double noise = noise_degc / values[0];
+    double rounded = floor(codes + 0.5);
+    if (noise > 0.1) {
+        rounded = mean_over_noise(codes, spread, noise);
+    } else if (spread > 1e-9 || noise > 1e-9) {
+        rounded = mean_over_spread(codes, sqrt(spread * spread + 12.0 * noise * noise));
+    }
+    return now->reference_degc + values[0] * rounded;
+}
+
+const struct effect effect_thermometer_quantisation = {
+    .id = "thermometer_quantisation",
+    .stage = EFFECT_STAGE_TEMPERATURE,
+    .equation = "Tm = T0 + q round((T - T0) / q)",
+    .appearance = "stairs in the measured temperature and in whatever is compensated with it",
+    .parameter = {
+        {"step_degc", "degC", EFFECT_STRENGTH, 0.0, 0.0, 10.0, 0.5, "a sensor of 9 bits"},
+    },
+    .reading = read,
+};
