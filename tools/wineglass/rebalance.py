@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from wineglass.calibration_block import Calibration
 
 PHASE_MARGIN_DEG, GAIN_MARGIN_DB = 30.0, 6.0
+CROSSOVER_DELAY_MAX = 0.7  # b Kp D, as in firmware/application/rebalance_check.c
 _TASK_SLOTS = 4  # from the decimator's last sample to the first force that knows of it
 
 
@@ -72,7 +73,7 @@ def is_described(calibration: Calibration) -> bool:
 def is_accepted(loop: Loop) -> bool:
     """The firmware's condition: b Kp D <= 0.7 and Ki/Kp <= b Kp/4 + 1/tau. It gives PHASE_MARGIN_DEG and GAIN_MARGIN_DB at least."""
     crossover = loop.growth_per_s * loop.kp
-    return crossover * loop.delay_s <= 0.7 and loop.ki_per_s <= loop.kp * (0.25 * crossover + loop.decay_per_s)
+    return crossover * loop.delay_s <= CROSSOVER_DELAY_MAX and loop.ki_per_s <= loop.kp * (0.25 * crossover + loop.decay_per_s)
 
 
 def margins(loop: Loop) -> Margins:

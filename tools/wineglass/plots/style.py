@@ -15,6 +15,8 @@ COLOURS = {
     "static": "#edae49",
     "g2": "#00798c",
     "temperature": "#6d597a",
+    "rate": "#00798c",
+    "force": "#d1495b",
 }
 LABELS = {"none": "uncompensated", "static": "static: polynomial after demodulation", "g2": "G2: before demodulation"}
 DEG_H_PER_RAD_S = 206264.80624709636  # (180 / pi) 3600
