@@ -7,7 +7,7 @@ from wineglass import device as devices
 from wineglass import profiles, scenario
 from wineglass.errors import BadInput
 
-SHIPPED = ["cold-start", "paper-fig2", "paper-fig5", "paper-fig5-metal", "rate-steps", "thermal-sweep"]
+SHIPPED = ["cold-start", "paper-fig2", "paper-fig5", "paper-fig5-metal", "rate-steps", "rebalance-steps", "thermal-sweep"]
 RAD = np.pi / 180
 
 

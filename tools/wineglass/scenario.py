@@ -17,6 +17,7 @@ from wineglass.errors import BadInput
 from wineglass.fields import Section, quantity, validate
 from wineglass.importers.table import Table, read_table
 from wineglass.profiles import ConstantRate, ConstantTemperature, CsvTemperature, Rate, TableTemperature, Temperature
+from wineglass.schedule import AnyCommand
 
 FOLDER = paths.repository_root() / "scenarios"
 
@@ -65,6 +66,7 @@ class Scenario(Section):
     rate: Rate = Field(default_factory=ConstantRate, description="rate profile")
     mode: Mode = Field(default_factory=Mode)
     recording: Recording = Field(default_factory=Recording)
+    command: list[AnyCommand] = quantity([], "", "what is asked of the device while it runs: at_s, kind, and the kind's fields")
     calibration: str = quantity("nominal", "", "nominal: bias is the described cross damping; zero_rate: bias is the whole output at zero "
                                 "rate, split included, as a sweep would find it; none: the firmware's default; or a path (.json, .bin)")
     plant: Plant = Field(default_factory=Plant)
@@ -160,9 +162,10 @@ def prepare(scenario: Scenario, device: Device | None = None) -> Run:
     run = Run(scenario, described, truth)
     _check_rates(run, where)
     _check_filter(run, where)
-    late = [burst for burst in scenario.recording.bursts if burst.time_s >= scenario.duration_s]
+    late = [("burst", burst.time_s) for burst in scenario.recording.bursts] + [("command", command.at_s) for command in scenario.command]
+    late = [(what, time_s) for what, time_s in late if time_s >= scenario.duration_s]
     if late:
-        raise BadInput(f"a burst at {late[0].time_s:g} s begins after the end at {scenario.duration_s:g} s", where, "ask for it earlier")
+        raise BadInput(f"a {late[0][0]} at {late[0][1]:g} s begins after the end at {scenario.duration_s:g} s", where, "ask for it earlier")
     return run
 
 

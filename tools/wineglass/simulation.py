@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
 import numpy as np
 
 from wineglass.calibration_block import from_binary, to_json
 from wineglass.commands_wire import CommandEncoder, Reason
+from wineglass.interrupt import interrupt_noted
 from wineglass.recording import RecordingMeta, RecordingWriter, TapFormat, float_format
-from wineglass.scenario import Run
+from wineglass.scenario import Burst, Run
+from wineglass.schedule import Command, SyncPulse
 from wineglass.telemetry import Decoder, Frames, Identity
 from wineglass.telemetry_recording import TelemetryRecorder
 from wineglass.twin import Block, Twin
@@ -68,7 +65,7 @@ def simulate(run: Run, path: Path, progress: Callable[[int], None] | None = None
     listener = _Listener()
     with Twin(run, calibration_block=calibration_block) as twin:
         first = _start(twin)
-        with RecordingWriter(path, _meta(run, twin, first)) as writer, _interrupt_noted() as interrupted:
+        with RecordingWriter(path, _meta(run, twin, first)) as writer, interrupt_noted() as interrupted:
             recorder, references = TelemetryRecorder(writer, listener), _References(run, writer)
             recorder.feed(first)
             _note_events(run, writer)
@@ -111,21 +108,33 @@ def _meta(run: Run, twin: Twin, first: bytes) -> RecordingMeta:
 
 def _note_events(run: Run, writer: RecordingWriter) -> None:
     rate_hz = run.device.electronics.sample_rate_hz
-    writer.event("scenario", run.scenario.model_dump_json(exclude_none=True), sample=0)
-    for what, profile in (("temperature", run.scenario.temperature), ("rate", run.scenario.rate)):
-        for time_s in profile.boundaries_s:
-            if 0 < time_s < run.scenario.duration_s:
-                writer.event("segment", what, sample=round(time_s * rate_hz))
+    scenario = run.scenario
+    segments = [(time_s, "segment", what) for what, profile in (("temperature", scenario.temperature), ("rate", scenario.rate))
+                for time_s in profile.boundaries_s if 0 < time_s < scenario.duration_s]
+    commands = [(command.at_s, "command", command.note()) for command in scenario.command]
+    writer.event("scenario", scenario.model_dump_json(exclude_none=True), sample=0)
+    for time_s, kind, what in sorted(segments + commands):
+        writer.event(kind, what, sample=round(time_s * rate_hz))
 
 
 def _stretches(twin: Twin) -> Iterator[Block]:
-    """The whole run in pieces, asking for each raw burst at its time."""
+    """The whole run in pieces, asking for each raw burst and each command at its time, commands first."""
     run, encoder = twin.run, CommandEncoder(first_sequence=1)
-    for burst in sorted(run.scenario.recording.bursts, key=lambda item: item.time_s):
-        yield from twin.chunks(max(0, round(burst.time_s * run.device.slow_rate_hz) - twin.blocks_done))
-        twin.command(encoder.raw_burst(burst.samples))
+    scenario = run.scenario
+    for item in sorted([*scenario.command, *scenario.recording.bursts], key=_time_of):
+        yield from twin.chunks(max(0, round(_time_of(item) * run.device.slow_rate_hz) - twin.blocks_done))
+        if isinstance(item, SyncPulse):
+            twin.sync(item.since_sample)
+        elif isinstance(item, Burst):
+            twin.command(encoder.raw_burst(item.samples))
+        else:
+            twin.command(item.encode(encoder, run.device))
         twin.poll()
     yield from twin.chunks()
+
+
+def _time_of(item: Burst | Command) -> float:
+    return item.time_s if isinstance(item, Burst) else item.at_s
 
 
 class _References:
@@ -174,21 +183,3 @@ def _warnings(run: Run, listener: _Listener, locked: bool | None, adc_saturation
     if damaged:
         warnings.append(f"{damaged} telemetry frames were lost or damaged")
     return warnings
-
-
-@contextmanager
-def _interrupt_noted() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C is noted instead of raised; yields a function that says whether it came. Outside the main thread nothing changes."""
-    noted = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield noted.is_set
-        return
-
-    def note(number: int, frame: FrameType | None) -> None:
-        noted.set()
-
-    before: Any = signal.signal(signal.SIGINT, note)
-    try:
-        yield noted.is_set
-    finally:
-        signal.signal(signal.SIGINT, before)
