@@ -129,13 +129,8 @@ bool gyro_secondary_is_controlled(const struct gyro_cfg *cfg, const struct gyro_
 }
 
 /* Forces on the secondary mode: rebalance, if that loop is closed, and the test force. */
-static void run_secondary(const struct gyro_cfg *cfg, struct gyro_state *state)
+static void force_secondary(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
-    if (gyro_secondary_is_controlled(cfg, state)) {
-        rebalance_step(&cfg->rebalance, &state->rebalance, state->secondary);
-    } else {
-        rebalance_reset(&state->rebalance);
-    }
     const struct rebalance_axis *in_phase = &state->rebalance.in_phase;
     const struct rebalance_axis *quadrature = &state->rebalance.quadrature;
     struct complex_q30 read = {-(in_phase->force_q31 / 2), quadrature->force_q31 / 2};
@@ -150,6 +145,23 @@ static void run_secondary(const struct gyro_cfg *cfg, struct gyro_state *state)
     add_amplitude(&state->rebalance_sum, read);
     state->rebalance_force = force_from_parts((int32_t)in_phase_q31, (int32_t)quadrature_q31, state->drive_lead);
     state->rebalance_saturated = state->rebalance_saturated || saturated;
+}
+
+static void run_secondary(const struct gyro_cfg *cfg, struct gyro_state *state)
+{
+    bool controlled = gyro_secondary_is_controlled(cfg, state);
+    bool tested = cfg->test_signal.in_phase_q31 != 0 || cfg->test_signal.quadrature_q31 != 0;
+    if (controlled) {
+        rebalance_step(&cfg->rebalance, &state->rebalance, state->secondary);
+    } else {
+        rebalance_reset(&state->rebalance);
+    }
+    if (controlled || tested) {
+        force_secondary(cfg, state);
+    } else {
+        state->test_signal.phase_u32 = 0;
+        state->rebalance_force = (struct gyro_force){0, 0};
+    }
 }
 
 int32_t gyro_half_distance(int32_t a, int32_t b)
