@@ -12,8 +12,9 @@ set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
 
 set(wineglass_processor_mps2-an386 cortex-m4)
 set(wineglass_processor_mps2-an500 cortex-m7)
+set(wineglass_processor_stm32f405 cortex-m4)
 if(NOT DEFINED wineglass_processor_${WINEGLASS_BOARD})
-  message(FATAL_ERROR "WINEGLASS_BOARD is \"${WINEGLASS_BOARD}\"; known are mps2-an386 and mps2-an500")
+  message(FATAL_ERROR "WINEGLASS_BOARD is \"${WINEGLASS_BOARD}\"; known are mps2-an386, mps2-an500 and stm32f405")
 endif()
 
 # No floating point anywhere in the firmware, so no floating-point registers either. The compiler writes the call graph with the
