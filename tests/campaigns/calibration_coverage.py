@@ -25,13 +25,13 @@ from wineglass.recording import Recording
 
 SWEEP = {
     "device": "metal-fast",
-    "duration_s": 300,
+    "duration_s": 265,
     "temperature": {"kind": "ramps", "start_degc": 25, "ramps": [
         {"to_degc": -35, "speed_degc_per_min": 60}, {"duration_s": 5}, {"to_degc": 80, "speed_degc_per_min": 60}, {"duration_s": 5},
-        {"to_degc": -35, "speed_degc_per_min": 60}]},
+        {"to_degc": 0, "speed_degc_per_min": 60}]},
     "plant": {"override": {"resonator.split_hz": 0.0}},
     "override": {"resonator.split_hz": 0.0},
-    "mode": {"compensation": "none", "output_filter_hz": 10},
+    "mode": {"compensation": "none"},
     "recording": {"baseband_hz": 10, "output_hz": 10, "reference_hz": 10},
 }
 
