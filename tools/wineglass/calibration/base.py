@@ -101,7 +101,9 @@ def calibrated(base: Base, found: Identified, add_to_base: bool) -> Calibration:
     if found.order == 0:
         del changes["temperature_min_degc"], changes["temperature_max_degc"]
     if found.scale is not None:
-        changes["scale_rad_s_per_ratio"] = _scale(base, found).tolist()
+        scale = _scale(base, found)
+        changes["scale_rad_s_per_ratio"] = scale.tolist()
+        changes["pickoff_gain_ratio"] = _pickoff_gain_ratio(base, float(scale[0]))
     checked = base.calibration.with_changes(**changes)
     calibration_block.to_binary(checked)
     return checked
@@ -118,6 +120,12 @@ def _scale(base: Base, found: Identified) -> np.ndarray:
         return product.coef
     shift = np.linspace(found.temperature_min_degc, found.temperature_max_degc, 200) - reference
     return Polynomial.fit(shift, product(shift), MAX_ORDER).convert().coef
+
+
+def _pickoff_gain_ratio(base: Base, scale_rad_s_per_ratio: float) -> float:
+    """What the secondary pickoff shows of the rate against the ideal 2 zeta2 k2 / g: its gain, and what a detuned secondary mode loses. The
+    decoupling filter computes the ideal amplitude, so it needs the same factor. At the calibration temperature."""
+    return 2.0 * base.calibration.decay_rate_per_s[0] / (base.calibration.angular_gain * scale_rad_s_per_ratio)
 
 
 def _shifted(coefficients: np.ndarray, from_degc: float, to_degc: float) -> np.ndarray:
