@@ -64,7 +64,7 @@ def simulate(run: Run, path: Path, progress: Callable[[int], None] | None = None
     begin = time.monotonic()
     listener = _Listener()
     with Twin(run, calibration_block=calibration_block) as twin:
-        first = _start(twin)
+        first = start(twin)
         with RecordingWriter(path, _meta(run, twin, first)) as writer, interrupt_noted() as interrupted:
             recorder, references = TelemetryRecorder(writer, listener), _References(run, writer)
             recorder.feed(first)
@@ -84,7 +84,7 @@ def simulate(run: Run, path: Path, progress: Callable[[int], None] | None = None
                 interrupted(), _warnings(run, listener, locked, truth.adc_saturations))
 
 
-def _start(twin: Twin) -> bytes:
+def start(twin: Twin) -> bytes:
     """Frame rates set before the first sample; returns the first telemetry, with the device's identity."""
     recording, encoder = twin.run.scenario.recording, CommandEncoder()
     twin.command(encoder.divisors(twin.run.divisor(recording.baseband_hz), twin.run.divisor(recording.output_hz)))

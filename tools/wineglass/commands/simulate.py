@@ -27,7 +27,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     from wineglass.errors import BadInput
     from wineglass.simulation import simulate
 
-    prepared = _prepare(args)
+    prepared = prepare(args)
     if args.output is None:
         raise BadInput("no output file", "simulate", "add -o REC.h5")
     what = f"{prepared.scenario.name or 'scenario'} on {prepared.device.name}"
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
     return 0
 
 
-def _prepare(args: argparse.Namespace) -> Any:
+def prepare(args: argparse.Namespace) -> Any:
     from wineglass import device as devices
     from wineglass import scenario as scenarios
 

@@ -144,7 +144,7 @@ class RecordingWriter:
             raise ValueError(f"{tap}: the lost mask has another length than the data")
         stream = self._streams.get(tap)
         gap = 0 if stream is None else stream.gap_before(first_sample)
-        if gap < 0 or gap > MAX_GAP_SAMPLES:
+        if gap < 0 or (gap > MAX_GAP_SAMPLES and tap != layout.RAW):
             raise BadInput(
                 f"{tap}: the sample counter jumps by {gap} samples", f"at counter {first_sample}", "check the source's sample counter"
             )
