@@ -143,15 +143,16 @@ def _run(request: Request) -> int:
     options = parser.add_argument_group("global options")
     options.add_argument("-q", "--quiet", action="store_true", default="quiet" in request.flags,
                          help="print errors only")
-    options.add_argument("--json", action="store_true", default="json" in request.flags,
-                         help="print the result as JSON")
+    if not any("--json" in action.option_strings for action in parser._actions):  # a command may write it to a file instead
+        options.add_argument("--json", action="store_true", default="json" in request.flags,
+                             help="print the result as JSON")
     options.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}",
                          help="print the version")
     if "help" in request.flags:
         parser.print_help()
         return 0
     args = parser.parse_args(request.rest)
-    status = module.run(args, Console(quiet=args.quiet, json_mode=args.json))
+    status = module.run(args, Console(quiet=args.quiet, json_mode=args.json is True or "json" in request.flags))
     sys.stdout.flush()
     return int(status or 0)
 

@@ -1,0 +1,102 @@
+"""wineglass diagnose REC.h5|FILE.csv"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from wineglass.console import Console
+from wineglass.errors import BadInput
+
+if TYPE_CHECKING:
+    from wineglass.diagnosis.contract import Diagnosis
+    from wineglass.diagnosis.evidence import Evidence
+
+HELP = "say where a recording differs from the twin, which effect it is, how sure that is, and what to run next"
+NEEDS_BUILD = False
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("recording", type=Path, metavar="REC.h5|FILE.csv", help="recording, or table with time, temperature and rate of any gyro")
+    parser.add_argument("--column", action="append", default=[], metavar="ROLE=COLUMN",
+                        help="tables: column to use as time, temperature, rate or true_rate; may be repeated")
+    parser.add_argument("--unit", action="append", default=[], metavar="COLUMN=UNIT", help="tables: unit of a column, where the header has none")
+    parser.add_argument("--drop-rows", default="", metavar="0,1,5-9", help="tables: data rows to leave out, counted from 0")
+    parser.add_argument("--json", type=Path, metavar="F.json", help="file for the diagnosis as JSON")
+    parser.add_argument("--report", type=Path, metavar="F.html", help="file for the report, one HTML page that needs nothing else")
+
+
+def run(args: argparse.Namespace, console: Console) -> int:
+    from wineglass.atomic import write_text
+    from wineglass.diagnosis.rate_level import analyse
+    from wineglass.diagnosis.verdict import diagnose
+
+    _check_targets(args)
+    evidence = _evidence(args)
+    with console.progress("diagnosing", total=6) as bar:
+        found = analyse(evidence, bar.advance)
+        diagnosis = diagnose(evidence, found)
+        page = _page(args, evidence, found, diagnosis)
+        bar.advance()
+    for target, text in ((args.json, diagnosis.to_json()), (args.report, page)):
+        if target is not None:
+            write_text(target, text)
+    console.json(diagnosis.model_dump(by_alias=True))
+    _print(diagnosis, args, console)
+    return 0
+
+
+def _check_targets(args: argparse.Namespace) -> None:
+    for flag, target, ending in (("--json", args.json, ".json"), ("--report", args.report, ".html")):
+        if target is None:
+            continue
+        if target.suffix != ending:
+            raise BadInput(f"{target} does not end in {ending}", flag, f"name a {ending} file")
+        if not target.parent.is_dir():
+            raise BadInput("the folder does not exist", target.parent, "create it or choose another output path")
+        if target.resolve() == args.recording.resolve():
+            raise BadInput("the output is the input file", flag, "choose another name")
+
+
+def _evidence(args: argparse.Namespace) -> Evidence:
+    from wineglass.commands.import_ import parse_pairs, parse_rows
+    from wineglass.diagnosis.evidence import from_csv, from_recording
+
+    columns, units = parse_pairs(args.column, "--column", "ROLE=COLUMN"), parse_pairs(args.unit, "--unit", "COLUMN=UNIT")
+    rows = parse_rows(args.drop_rows)
+    if args.recording.suffix.lower() == ".csv":
+        return from_csv(args.recording, columns, units, rows)
+    if columns or units or rows:
+        raise BadInput("a recording knows its channels and units", args.recording, "leave --column, --unit and --drop-rows away")
+    return from_recording(args.recording)
+
+
+def _page(args: argparse.Namespace, evidence: Evidence, found, diagnosis: Diagnosis) -> str:  # noqa: ANN001 - Analysis or None
+    if args.report is None:
+        return ""
+    from wineglass.report.page import render
+
+    return render(evidence, found, diagnosis)
+
+
+def _print(diagnosis: Diagnosis, args: argparse.Namespace, console: Console) -> None:
+    """A dozen lines."""
+    console.print(f"verdict: {diagnosis.verdict}")
+    console.print(diagnosis.sentence)
+    if diagnosis.where:
+        stages = ", ".join(f"{w.stage}/{w.component} {w.share:.0%}" for w in diagnosis.where)
+        console.print(f"where: {stages} of the gap")
+    for hypothesis in diagnosis.hypotheses[:4]:
+        console.print(f"  {hypothesis.probability:5.1%}  {' with '.join(hypothesis.ids)}")
+    for effect in diagnosis.effects[:3]:
+        numbers = ", ".join(f"{p.name} {p.value:.3g} [{p.interval[0]:.3g}, {p.interval[1]:.3g}] {p.unit}" for p in effect.parameters)
+        console.print(f"  {effect.id} (confidence {effect.confidence:.2f}): {numbers}")
+    for channel in diagnosis.shrink.channels:
+        line = f"{channel.channel}: {channel.before:.3g} -> {channel.after:.3g} {channel.unit}, floor {channel.floor:.3g}"
+        console.print(line + ("" if channel.fraction is None else f": {channel.fraction:.0%} of the gap removed; {diagnosis.shrink.held_out}"))
+    if diagnosis.next_experiment is not None:
+        console.print(f"next: {diagnosis.next_experiment.run} ({diagnosis.next_experiment.why})")
+    for target in (args.json, args.report):
+        if target is not None:
+            console.print(f"written: {target}")

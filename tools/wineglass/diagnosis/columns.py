@@ -1,0 +1,183 @@
+"""Effects as a rate-level recording shows them: for every effect a few variants, each a set of columns with prior sizes.
+
+A variant adds columns to the static curve, or puts another temperature under it (a lag). Functional forms are only approximately those of
+nature: the scores must therefore allow a remainder (noise_models), and rivals that can imitate an effect are looked for (verdict).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wineglass.calibration.lag import Lag
+from wineglass.diagnosis.blocks import Blocks
+
+STATIC_ORDER = 3  # of the nominal curve where no calibration is known
+CROSS_ORDER = 5  # what the firmware's polynomial holds
+LAG_STEPS = 8
+AGEING_TIMES = (0.0, 0.02, 0.1, 0.4)  # time constants of log ageing, of the record; 0 is linear
+PLAY_WIDTHS = (0.06, 0.15, 0.3, 0.55, 0.9)  # half widths of play, of half the temperature span
+
+
+@dataclass(frozen=True)
+class Variant:
+    """columns: indices into the design; static: index of the static curve under it, None: the nominal one; value: of its shape parameter"""
+
+    shape: str
+    columns: tuple[int, ...]
+    static: int | None = None
+    value: float = 0.0
+
+
+@dataclass(frozen=True)
+class Design:
+    """matrix (n, k): all columns, scaled so that a coefficient's prior is a standard normal.
+
+    statics: columns of every static curve; offsets: index of a column to subtract from the data for that curve, or None
+    """
+
+    matrix: np.ndarray
+    target: np.ndarray
+    statics: list[tuple[int, ...]]
+    static_targets: np.ndarray
+    """(statics, n): the data minus what the curve predicts without any free coefficient"""
+    effects: dict[str, list[Variant]]
+    scale: np.ndarray
+    """(k,): size of each column's unit coefficient [rad/s]"""
+    calibrated: bool
+    cross: list[tuple[int, ...]]
+    """per static curve: columns of cross_damping over the same temperature"""
+
+
+class _Builder:
+    def __init__(self, blocks: Blocks):
+        self.blocks = blocks
+        self.columns: list[np.ndarray] = []
+        self.scales: list[float] = []
+        low, high = blocks.temperature_degc.min(), blocks.temperature_degc.max()
+        self.middle, self.half = 0.5 * (low + high), max(0.5 * (high - low), 1e-6)
+        self.size = max(0.3 * float(np.ptp(blocks.residual_rad_s)), 3.0 * blocks.sample_noise_rad_s)
+
+    def x(self, temperature: np.ndarray) -> np.ndarray:
+        return (temperature - self.middle) / self.half
+
+    def add(self, columns: list[np.ndarray], size: float, share: bool = True) -> tuple[int, ...]:
+        """Columns (n,), each scaled to a spread of one and then to the prior size."""
+        first = len(self.columns)
+        each = size / np.sqrt(len(columns)) if share else size
+        for column in columns:
+            spread = float(np.sqrt(np.mean((column - column.mean()) ** 2))) or float(np.max(np.abs(column))) or 1.0
+            spread = spread if spread > 1e-9 else 1.0
+            self.columns.append(column / spread * each)
+            self.scales.append(each / spread)
+        return tuple(range(first, len(self.columns)))
+
+
+def build(blocks: Blocks) -> Design:
+    b = _Builder(blocks)
+    calibrated = blocks.evidence.bias_rad_s is not None
+    statics: list[tuple[int, ...]] = []
+    targets: list[np.ndarray] = []
+    cross: list[tuple[int, ...]] = []
+
+    def static(fine_temperature: np.ndarray, shift: np.ndarray | None) -> int:
+        powers = np.polynomial.legendre.legvander(np.clip(b.x(fine_temperature), -1.3, 1.3), CROSS_ORDER)
+        means = blocks.mean(powers)
+        nominal = () if calibrated else b.add([means[:, i] for i in range(STATIC_ORDER + 1)], 10.0 * b.size, share=False)
+        extra = range(0, STATIC_ORDER + 1) if calibrated else range(STATIC_ORDER + 1, CROSS_ORDER + 1)
+        cross.append(b.add([means[:, i] for i in extra], b.size))
+        statics.append(nominal)
+        targets.append(blocks.residual_rad_s - (0.0 if shift is None else shift))
+        return len(statics) - 1
+
+    static(blocks.fine_temperature_degc, None)
+    effects = {"thermometer_lag": _lags(b, calibrated, static)}
+    slope = _slope(blocks.fine_time_s, blocks.fine_temperature_degc, blocks.per_block)
+    effects["thermal_gradient"] = [Variant("proportional to dT/dt", b.add([blocks.mean(slope)], b.size))]
+    effects["ageing"] = _ageing(b)
+    effects["thermal_hysteresis"] = _hysteresis(b)
+    effects["cross_damping"] = [Variant("static curve", ())]  # its columns go with the static curve: see `cross`
+    if calibrated:
+        effects["thermometer_error"] = _thermometer_error(b)
+    if blocks.fine_true_rate is not None and np.ptp(blocks.fine_true_rate) > 1e-6:
+        effects |= _rate_effects(b)
+    if np.ptp(blocks.temperature_degc) < 1.0:
+        effects = {name: v for name, v in effects.items() if name in ("ageing", "coriolis_gain", "rate_reference")}
+    return Design(np.column_stack(b.columns), blocks.residual_rad_s, statics, np.array(targets), effects, np.array(b.scales), calibrated, cross)
+
+
+def _lags(b: _Builder, calibrated: bool, static) -> list[Variant]:  # noqa: ANN001 - local function of build
+    """Positive lag: the thermometer follows the bias' temperature late; negative: the bias follows the thermometer late."""
+    blocks = b.blocks
+    time_s, temperature = blocks.fine_time_s, blocks.fine_temperature_degc
+    branch_s = (time_s[-1] - time_s[0]) / max(1, len(blocks.branches))
+    slope = _slope(time_s, temperature, blocks.per_block)
+    found = []
+    for tau in branch_s * np.geomspace(0.01, 0.6, LAG_STEPS):
+        late = Lag(time_s, np.full(len(time_s), tau))(temperature)
+        if calibrated:
+            gradient = blocks.fine_slope
+            found.append(Variant("thermometer late", (), static(temperature + tau * slope, blocks.mean(gradient * tau * slope)), float(tau)))
+            found.append(Variant("bias late", (), static(late, blocks.mean(gradient * (late - temperature))), -float(tau)))
+            continue
+        if tau < 0.15 * branch_s:
+            found.append(Variant("thermometer late", (), static(temperature + tau * slope, None), float(tau)))
+        found.append(Variant("bias late", (), static(late, None), -float(tau)))
+        part = late - temperature
+        if tau > 0.02 * branch_s:  # a faster one is a gradient in all but name
+            columns = b.add([blocks.mean(part), blocks.mean(part * b.x(temperature))], b.size)
+            found.append(Variant("part of the bias late", columns, None, -float(tau)))
+    return found
+
+
+def _slope(time_s: np.ndarray, temperature: np.ndarray, width: int) -> np.ndarray:
+    """dT/dt over about a block to each side [degC/s]."""
+    reach = max(1, width)
+    padded_t = np.concatenate([np.full(reach, time_s[0]), time_s, np.full(reach, time_s[-1])])
+    padded = np.concatenate([np.full(reach, temperature[0]), temperature, np.full(reach, temperature[-1])])
+    return (padded[2 * reach :] - padded[: -2 * reach]) / np.maximum(padded_t[2 * reach :] - padded_t[: -2 * reach], 1e-12)
+
+
+def _ageing(b: _Builder) -> list[Variant]:
+    elapsed = b.blocks.fine_time_s - b.blocks.fine_time_s[0]
+    span = elapsed[-1]
+    variants = []
+    for share in AGEING_TIMES:
+        shape = elapsed if share == 0.0 else np.log1p(elapsed / (share * span))
+        name = "linear" if share == 0.0 else "logarithmic"
+        variants.append(Variant(name, b.add([b.blocks.mean(shape)], b.size), None, float(share * span)))
+    return variants
+
+
+def _hysteresis(b: _Builder) -> list[Variant]:
+    """Play: operators of several widths begun in the middle. Set on extreme: plays begun at an edge, and the extremes passed so far."""
+    temperature = b.blocks.fine_temperature_degc
+    widths = np.repeat(np.array(PLAY_WIDTHS) * b.half, 3)
+    begin = np.tile([0.0, 1.0, -1.0], len(PLAY_WIDTHS))
+    state = temperature[0] + begin * widths
+    path = np.empty((len(temperature), len(widths)))
+    for i, degc in enumerate(temperature):
+        state = np.minimum(np.maximum(state, degc - widths), degc + widths)
+        path[i] = state
+    extremes = np.column_stack([np.maximum.accumulate(temperature), np.minimum.accumulate(temperature)])
+    plays = list(b.blocks.mean(path[:, begin == 0.0]).T)
+    edges = list(b.blocks.mean(np.hstack([path[:, begin != 0.0][:, -4:], extremes])).T)
+    return [Variant("play", b.add(plays, b.size)), Variant("set on extreme", b.add(edges, b.size)),
+            Variant("play and set on extreme", b.add(plays + edges, b.size))]
+
+
+def _thermometer_error(b: _Builder) -> list[Variant]:
+    slope, x = b.blocks.fine_slope, b.x(b.blocks.fine_temperature_degc)
+    return [Variant("offset", b.add([b.blocks.mean(slope)], b.size)),
+            Variant("offset and gain", b.add([b.blocks.mean(slope), b.blocks.mean(slope * x)], b.size))]
+
+
+def _rate_effects(b: _Builder) -> dict[str, list[Variant]]:
+    rate, x = b.blocks.fine_true_rate, b.x(b.blocks.fine_temperature_degc)
+    turning = b.blocks.mean(rate)
+    gain = [Variant("constant", b.add([turning], b.size))]
+    if np.ptp(b.blocks.temperature_degc) > 1.0:
+        gain.append(Variant("over temperature", b.add([turning, b.blocks.mean(rate * x)], b.size)))
+    gain.append(Variant("cubic", b.add([turning, b.blocks.mean(rate**3)], b.size)))
+    return {"coriolis_gain": gain, "rate_reference": [Variant("constant", b.add([turning], b.size))]}

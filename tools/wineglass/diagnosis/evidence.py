@@ -1,0 +1,170 @@
+"""What the rate-level engine looks at: one rate over time and temperature, from a recording or a table."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from wineglass.errors import BadInput
+
+if TYPE_CHECKING:
+    from wineglass.calibration.base import Base
+    from wineglass.calibration.observations import Observations
+    from wineglass.recording import Recording
+
+DEVIATING_STEP = 1.5  # of the usual distance between samples: beyond it samples are missing
+PAUSE_S = 30.0  # and usual steps: a longer pause is a new power-up or segment, not lost samples
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Arrays (n,), without lost samples.
+
+    bias_rad_s: what the calibration predicts (n,), None: no calibration is known, so the nominal static curve is fitted
+    bias_slope: its derivative over temperature [rad/s/degC] (n,)
+    white_floor_rad_s: noise per sample the device should have, None: unknown
+    """
+
+    source: str
+    sha256: str
+    channel: str
+    time_s: np.ndarray
+    temperature_degc: np.ndarray
+    rate_rad_s: np.ndarray
+    true_rate_rad_s: np.ndarray | None = None
+    bias_rad_s: np.ndarray | None = None
+    bias_slope: np.ndarray | None = None
+    white_floor_rad_s: float | None = None
+    lost: int = 0
+    device: str | None = None
+    firmware: str | None = None
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+    @property
+    def measured_minus_reference(self) -> np.ndarray:
+        return self.rate_rad_s if self.true_rate_rad_s is None else self.rate_rad_s - self.true_rate_rad_s
+
+
+def file_hash(path: Path) -> str:
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            while piece := file.read(1 << 20):
+                digest.update(piece)
+    except OSError as error:
+        raise BadInput(f"the file cannot be read ({error.strerror})".lower(), path, "check the name") from error
+    return digest.hexdigest()
+
+
+def from_csv(path: Path, columns: dict[str, str], unit_of: dict[str, str], drop_rows: frozenset[int]) -> Evidence:
+    from wineglass.importers.csv import ImportOptions, read_csv
+
+    digest = file_hash(path)
+    data = read_csv(path, ImportOptions(columns, unit_of, drop_rows))
+    for channel, role in (("rate", "rate"), ("temperature_measured", "temperature")):
+        if channel not in data.channels:
+            raise BadInput(f"no {role} column", path, f"add --column {role}=COLUMN")
+    notes = ["no calibration is known: the nominal twin is the best static cubic over the measured temperature, fitted on the fit part"]
+    if data.ignored:
+        notes.append(f"columns not used: {', '.join(data.ignored)}")
+    return checked(Evidence(
+        source=str(path), sha256=digest, channel=data.source["rate"], time_s=data.time_s,
+        temperature_degc=data.channels["temperature_measured"], rate_rad_s=data.channels["rate"],
+        true_rate_rad_s=data.channels.get("true_rate"), notes=tuple(notes),
+    ))
+
+
+def from_recording(path: Path) -> Evidence:
+    from wineglass.calibration.observations import observe
+    from wineglass.recording import Recording
+
+    digest = file_hash(path)
+    with Recording.open(path) as recording:
+        if "output" not in recording:
+            raise BadInput("the recording has no tap output", path, "the rate-level diagnosis needs its temperature_measured and rate")
+        channel = "rate_uncompensated" if "rate_uncompensated" in recording.tap("output") else "rate"
+        if channel not in recording.tap("output"):
+            raise BadInput("the recording holds no rate", path, "record output/rate_uncompensated or output/rate")
+        data = observe(recording, channel)
+        bias, slope, true_rate, notes = _nominal(recording, channel, data)
+        unused = [name for name in ("raw", "baseband") if name in recording]
+        if unused:
+            notes.append(f"taps not used by the rate-level engine: {', '.join(unused)}")
+        lost = int(recording.tap("output").lost.sum())
+        firmware, device = recording.firmware_version or None, _device_name(recording.device_toml)
+    use = data.valid
+    return checked(Evidence(
+        source=str(path), sha256=digest, channel=channel, time_s=data.time_s[use], temperature_degc=data.temperature_degc[use],
+        rate_rad_s=data.measured[use], true_rate_rad_s=None if true_rate is None else true_rate[use],
+        bias_rad_s=None if bias is None else bias[use], bias_slope=None if slope is None else slope[use], lost=lost, device=device,
+        firmware=firmware, notes=tuple(notes),
+    ))
+
+
+def checked(evidence: Evidence) -> Evidence:
+    rate = evidence.rate_rad_s
+    if len(rate) and np.ptp(rate) == 0.0:
+        raise BadInput(f"channel {evidence.channel} never changes", evidence.source, "a live sensor has noise: check the column")
+    if len(rate) and np.max(np.abs(rate)) > 100.0:
+        raise BadInput(f"channel {evidence.channel} reaches {np.max(np.abs(rate)):.3g} rad/s", evidence.source, "check the unit of the rate")
+    if np.max(evidence.temperature_degc, initial=0.0) > 500.0:
+        raise BadInput(f"the temperature reaches {np.max(evidence.temperature_degc):.3g} degC", evidence.source, "check the unit of the temperature")
+    return evidence
+
+
+def _nominal(recording: Recording, channel: str, data: Observations):  # noqa: ANN202 - four arrays
+    """(bias that the calibration predicts, its slope, true rate as the channel shows it, notes); the first two None without calibration."""
+    from numpy.polynomial import Polynomial
+
+    from wineglass import calibration_block
+    from wineglass.calibration.base import find_base
+
+    if not recording.calibration_block:
+        note = "the recording holds no calibration: the nominal twin is the best static cubic, fitted on the fit part"
+        return None, None, data.true_rate_rad_s, [note]
+    block = calibration_block.from_binary(recording.calibration_block, f"{recording.path}, calibration_block")
+    shift = data.temperature_degc - block.reference_temperature_degc
+    law = Polynomial(block.bias_rad_s)
+    lagged = _open_loop(recording, find_base(recording, None, None), data)
+    true_rate = None if data.true_rate_rad_s is None else lagged(data.true_rate_rad_s)
+    compensation = block.compensation if channel == "rate" else "none"
+    bias = {"none": lagged(law(shift)), "static": lagged(law(shift)) - law(shift), "g2": np.zeros(len(shift))}[compensation]
+    return bias, law.deriv()(shift), true_rate, ["the nominal twin is the recording's own calibration"]
+
+
+def _open_loop(recording: Recording, base: Base, data: Observations) -> Callable[[np.ndarray], np.ndarray]:
+    """What the resonator's decay and the output filter make of a slow input; nothing where a rebalance loop holds the mode at rest."""
+    from wineglass.calibration.lag import Lag
+
+    force = recording.tap("baseband")["rebalance_in_phase"] if _has_force(recording) else np.zeros(1)
+    closed = bool(np.nanmax(np.abs(force), initial=0.0) > 0.0)
+    tau = np.zeros(len(data.time_s)) if closed else base.tau_s(data.temperature_degc)
+    gain = np.ones(len(tau)) if closed else base.gain(data.temperature_degc)
+    lag = Lag(data.time_s, tau, base.delay_s)
+    return lambda values: gain * lag(values / gain)
+
+
+def _has_force(recording: Recording) -> bool:
+    return "baseband" in recording and "rebalance_in_phase" in recording.tap("baseband")
+
+
+def _device_name(text: str) -> str | None:
+    import tomllib
+
+    try:
+        return tomllib.loads(text).get("name") if text else None
+    except tomllib.TOMLDecodeError:
+        return None
+
+
+def missing_samples(time_s: np.ndarray) -> int:
+    """Samples that should stand between those that do; pauses are not counted."""
+    steps = np.diff(time_s)
+    usual = float(np.median(steps))
+    jump = (steps > DEVIATING_STEP * usual) & (steps < PAUSE_S + 20.0 * usual)
+    return int(np.sum(np.round(steps[jump] / usual) - 1.0))

@@ -1,0 +1,125 @@
+"""From scores to probabilities that can be believed.
+
+Three corrections to the plain posterior, all because forms are only approximately right:
+
+* Where a remainder larger than the floor is needed, the forms are known to be wrong, and differences of log evidence overstate what the data say.
+  They are divided by 1 + 2 P(large remainder).
+* An explanation that imitates the best one's signal (leaves no more than IMITATES of the gap, in the same number of effects or fewer) cannot be
+  excluded by its exact shape alone: its probability is kept within IMITATOR_NATS of the best.
+* What predicts held-out branches badly loses HELD_OUT_WEIGHT ln(rms) for it; below the floor's threshold all are equally good.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wineglass.diagnosis.bayes import Scores
+from wineglass.diagnosis.noise_models import CLASSES
+from wineglass.diagnosis.vocabulary import NONE, OTHER
+
+IMITATES = 0.25
+IMITATOR_NATS = 1.5
+REMAINDER_WEIGHT = 2.0
+HELD_OUT_WEIGHT = 1.0
+HELD_OUT_MARGIN = 0.95  # an explanation earns its place when it leaves less than this share of what is left without it
+CREDIBLE = 0.95
+SETTLED = 0.8
+SIMPLER = 0.5  # an explanation is dropped for a part of it that is at least this times as probable
+LISTED = 12
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """probability: set of ids -> probability, sums to 1; remainder: of the best explanation, probability that it leaves more than the floor."""
+
+    probability: dict[tuple[str, ...], float]
+    coarsening: float
+    remainder: float
+
+    def marginal(self, effect_id: str) -> float:
+        return sum(p for ids, p in self.probability.items() if effect_id in ids)
+
+    @property
+    def none(self) -> float:
+        return self.probability[(NONE,)]
+
+    @property
+    def other(self) -> float:
+        return self.probability[(OTHER,)]
+
+    @property
+    def explanations(self) -> list[tuple[str, ...]]:
+        """Sets of effects, the most probable first."""
+        named = [ids for ids in self.probability if ids not in ((NONE,), (OTHER,))]
+        return sorted(named, key=lambda ids: -self.probability[ids])
+
+
+def raw_log(scores: Scores) -> dict[tuple[str, ...], float]:
+    floor, flicker, other = (CLASSES.index(kind) for kind in ("floor", "flicker", "other"))
+    table = dict(zip(scores.supports, scores.by_support))
+    bare = table.pop(())
+    logs = {(NONE,): float(bare[floor]), ("flicker_noise",): float(bare[flicker]), (OTHER,): float(bare[other])}
+    return logs | {support: float(logsumexp(row)) for support, row in table.items()}
+
+
+def posterior(scores: Scores, left: dict[tuple[str, ...], float], held: dict[tuple[str, ...], float], threshold: float) -> Posterior:
+    """left, held: support -> rms that it leaves, in sample and on held-out blocks; () is the rms without any effect."""
+    logs = raw_log(scores)
+    all_rows = scores.by_support
+    large = float(np.exp(logsumexp(all_rows[:, 1:]) - logsumexp(all_rows)))
+    coarsening = 1.0 + REMAINDER_WEIGHT * large
+    logs = {ids: value / coarsening for ids, value in logs.items()}
+    logs = _with_imitators(logs, left)
+    bare = held[()]
+    logs = {ids: value - HELD_OUT_WEIGHT * float(np.log(max(held.get(ids, bare), threshold))) for ids, value in logs.items()}
+    total = logsumexp(list(logs.values()))
+    table = dict(zip(scores.supports, all_rows))
+    best = max((s for s in table if s), key=lambda s: logs[s])
+    remainder = float(np.exp(logsumexp(table[best][1:]) - logsumexp(table[best])))
+    return Posterior(_listed({ids: float(np.exp(v - total)) for ids, v in logs.items()}), coarsening, remainder)
+
+
+def _with_imitators(logs: dict[tuple[str, ...], float], left: dict[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
+    best = max(logs, key=lambda ids: logs[ids])
+    if best not in left or best == () or not left[()] > 0.0:
+        return logs
+    bound = max(IMITATES * left[()], 1.3 * left[best])
+    for ids, rms in left.items():
+        if ids and ids != best and len(ids) <= len(best) and rms <= bound:
+            logs[ids] = max(logs[ids], logs[best] - IMITATOR_NATS)
+    return logs
+
+
+def _listed(probability: dict[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
+    """The most probable sets, none and other; what the rest had is spread over them in proportion."""
+    order = sorted(probability, key=lambda ids: -probability[ids])
+    kept = dict.fromkeys([*order[:LISTED], (NONE,), (OTHER,)])
+    total = sum(probability[ids] for ids in kept)
+    return {ids: probability[ids] / total for ids in kept}
+
+
+def earns_its_place(ids: tuple[str, ...], held: dict[tuple[str, ...], float], threshold: float) -> bool:
+    """Does it predict held-out data better than nothing, and better than without any one of its effects (where that was computed)?"""
+    if ids not in held or held[ids] <= threshold:
+        return True
+    rivals = [(), *(tuple(i for i in ids if i != out) for out in ids if len(ids) > 1)]
+    return all(held[ids] < HELD_OUT_MARGIN * held[r] for r in rivals if r in held)
+
+
+def alternatives(found: Posterior, held: dict[tuple[str, ...], float], threshold: float) -> list[tuple[str, ...]]:
+    """The credible set of what earned its place, without explanations that contain a simpler and about as probable one."""
+    order = [ids for ids in found.explanations if earns_its_place(ids, held, threshold)]
+    total = sum(found.probability[ids] for ids in order)
+    credible, mass = [], 0.0
+    for ids in order:
+        if mass >= CREDIBLE * total:
+            break
+        credible.append(ids)
+        mass += found.probability[ids]
+    return [
+        ids for ids in credible
+        if not any(set(simpler) < set(ids) and found.probability[simpler] >= SIMPLER * found.probability[ids] for simpler in credible)
+    ]
