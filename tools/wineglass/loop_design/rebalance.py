@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from wineglass import nominal, rebalance
 from wineglass.device import Device
 from wineglass.errors import BadInput
-from wineglass.loop_design.margins import bandwidth_hz, margins
+from wineglass.loop_design.margins import Response, bandwidth_hz, margins
 from wineglass.loop_design.model import Gains, Loop, Schedule, decimator_response, lag_samples, resonant_plant
 
 SLOT = 3  # firmware/core/gyro_loop.c: run_secondary()
@@ -106,7 +106,7 @@ def _tick_spectrum(n: int, angle: np.ndarray) -> np.ndarray:
     return float(weights @ weights) + 2.0 * float(weights[:-n] @ weights[n:]) * np.cos(angle)
 
 
-def _real_part(response, frequency_hz: np.ndarray) -> np.ndarray:
+def _real_part(response: Response, frequency_hz: np.ndarray) -> np.ndarray:
     """Response of the real part to a real sine: (H(f) + conj H(-f))/2."""
     return 0.5 * (response(frequency_hz) + np.conj(response(-frequency_hz)))
 

@@ -70,8 +70,14 @@ def of_measurement(rebalance: Rebalance, rate: Response, force: Response, steppe
     open_loop = closed / (1.0 - closed)
     crossover = _falls_to(force.frequency_hz, np.abs(open_loop), 1.0)
     margin = 180.0 + math.degrees(np.interp(crossover, force.frequency_hz, np.unwrap(np.angle(open_loop)))) if crossover > 0 else math.nan
-    return Measured(rate, force, open_loop, _falls_to(rate.frequency_hz, np.abs(rate.gain), math.sqrt(0.5)), crossover, margin,
-                    stepped.overshoot, stepped.noise_rad_s)
+    return Measured(rate, force, open_loop, _bandwidth(rebalance, rate), crossover, margin, stepped.overshoot, stepped.noise_rad_s)
+
+
+def _bandwidth(rebalance: Rebalance, rate: Response) -> float:
+    """-3 dB of the measured rate; between the measured frequencies only its ratio to the designed response is interpolated."""
+    ratio = np.abs(rate.gain / rebalance.rate_response(rate.frequency_hz))
+    fine = np.linspace(rate.frequency_hz[0], rate.frequency_hz[-1], 2000)
+    return _falls_to(fine, np.abs(rebalance.rate_response(fine)) * np.interp(fine, rate.frequency_hz, ratio), math.sqrt(0.5))
 
 
 def _falls_to(frequency_hz: np.ndarray, size: np.ndarray, level: float) -> float:
