@@ -55,7 +55,7 @@ enum hal_part {
 struct hal_self_test {
     uint32_t checked, failed; /* enum hal_part */
     uint32_t core_clock_hz;
-    uint32_t fault_address;   /* of the instruction that ended the run before; 0: none */
+    uint32_t fault_address;   /* of the instruction that ended the run before, or the stack pointer that had left its room; 0: none */
     uint32_t samples_lost;    /* the interrupt was too late */
 };
 

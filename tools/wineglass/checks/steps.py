@@ -66,10 +66,12 @@ STEPS: tuple[Step, ...] = (
         ("git", "diff", "--exit-code", "--stat", "--", "tests/golden"),
         ("sh", "-c", 'test -z "$(git status --porcelain -- tests/golden)"'),
     ), needs="tests/golden/regenerate.py"),
-    _pytest("boards", "emulated Cortex-M4 and M7: bit for bit the host, processor in the loop, cost", "tests/target", "-k", "not user-",
+    _pytest("boards", "emulated Cortex-M4 and M7: bit for bit the host, processor in the loop, cost; the board's image boots", "tests/target", "-k", "not user-",
             first=(TWIN_LIBRARY,), tools=tools_of(*BOARDS)),
     _pytest("machines", "ARM, RISC-V, big-endian and 32-bit x86 builds: bit for bit the host", "tests/target", "-k", "user-",
             first=(TWIN_LIBRARY,), tools=tools_of(*USERS)),
+    Step("fuzz", "every C parser of bytes from outside, 20 s of libFuzzer under both sanitizers",
+         ((PYTHON, "-P", "-m", "wineglass", "fuzz", "--seconds", "20"),), tools=("clang",), needs="tests/fuzz"),
     Step("cppcheck", "static analysis of the C code", (
         ("cppcheck", "--quiet", "--std=c11", "--error-exitcode=1", "--inline-suppr",
          "--enable=warning,performance,portability", "--suppress=missingIncludeSystem", "--suppress=normalCheckLevelMaxBranches",
@@ -83,7 +85,7 @@ STEPS: tuple[Step, ...] = (
 
 # Programs that only the tests use, and the Debian packages that hold them.
 TEST_PACKAGES: dict[str, tuple[str, ...]] = {
-    "clang": ("clang",), "cppcheck": ("cppcheck",),
+    "clang": ("clang", "libclang-rt-14-dev"), "cppcheck": ("cppcheck",),
     **{tool: machine.packages for machine in MACHINES for tool in machine.tools},
 }
 

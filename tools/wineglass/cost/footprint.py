@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from wineglass import paths
@@ -30,13 +31,18 @@ class Footprint:
     @property
     def forbidden(self) -> list[str]:
         """Software division and floating point."""
-        return [name for name in self.library_functions if _DIVISION.match(name) or _FLOATING.match(name)]
+        return forbidden(self.library_functions)
+
+
+def forbidden(names: Iterable[str]) -> list[str]:
+    """Software division and floating point among functions."""
+    return sorted(name for name in names if _DIVISION.match(name) or _FLOATING.match(name))
 
 
 def measure(machine: Machine = M4) -> Footprint:
     program = machine.program(PROGRAM)
     graph = stack.read((paths.build_folder(machine.preset) / "firmware").rglob("wineglass_core.dir/**/*.ci"))
-    own = set(graph.frames)
+    own = graph.names
     stack.add_library_frames(graph, program)
     worst = stack.worst(graph, "gyro_step")
     rows = [line.split() for line in _output("arm-none-eabi-nm", "-S", str(program)).splitlines()]
