@@ -91,6 +91,19 @@ static int32_t demodulation_lag_rad_q31(const struct phase_calibration *calibrat
     return angle_rad_q31(-quadrature / 2, -in_phase / 2);
 }
 
+/* Off resonance by tan(phase)/tau the same force moves the shell a little less or more, as it goes with 1/w: the lag looks smaller by 1/(tau w).
+ * Range: decay rate x period 2^31 2^31 >> 30 = 2^32 in Q38; 2^57 over turns, at most 2^57; times 1/(2 pi). */
+static int32_t detuning_rad_q31(const struct gyro_cfg *gyro)
+{
+    bool clamped = false;
+    int64_t turns_q32 = (int64_t)(gyro->tuning.center_freq_u64 >> 32);
+    int64_t decay_q38 = ((int64_t)gyro->decay_per_s_q22.coef[0] * gyro->tuning.sample_period_q46) >> 30;
+    if (turns_q32 == 0) {
+        return 0;
+    }
+    return fixed_saturate_i32(fixed_mul_i64_q31((decay_q38 * (INT64_C(1) << 25)) / turns_q32, INT32_C(341782638)), &clamped);
+}
+
 static struct phase_found found_from(int32_t first_rad_q31, int32_t second_rad_q31)
 {
     int64_t difference = (int64_t)first_rad_q31 - second_rad_q31;
@@ -187,6 +200,7 @@ static void recover(struct phase_calibration *calibration, struct gyro_cfg *gyro
 static void end_drive(struct phase_calibration *calibration, struct gyro_cfg *gyro)
 {
     struct phase_found found = found_from(drive_lag_rad_q31(calibration, 0, 1), drive_lag_rad_q31(calibration, 3, 2));
+    found.correction_rad_q31 = saturated_sum(found.correction_rad_q31, detuning_rad_q31(gyro));
     calibration->result.drive = found;
     gyro->drive_phase_rad_q31.coef[0] = saturated_sum(calibration->saved.drive_rad_q31, found.correction_rad_q31);
     if ((calibration->order.parts & PHASE_CALIBRATION_DEMODULATION) != 0) {

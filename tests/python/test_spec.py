@@ -42,7 +42,7 @@ def size_of(kind):
 @pytest.mark.parametrize(("title", "kind"), [
     ("1 identity", wire.FrameType.IDENTITY), ("2 status", wire.FrameType.STATUS), ("3 baseband", wire.FrameType.BASEBAND),
     ("4 output", wire.FrameType.OUTPUT), ("7 acknowledgement", wire.FrameType.ACK),
-    ("9 self-test", wire.FrameType.SELF_TEST),
+    ("9 self-test", wire.FrameType.SELF_TEST), ("10 sync", wire.FrameType.SYNC), ("11 phases", wire.FrameType.PHASES),
 ])
 def test_frames_have_no_holes_and_their_size(title, kind):
     at = 0

@@ -2,12 +2,14 @@
 
 "Quiet" switches noise and quantisers of the converters off, so that short runs show what is systematic."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from wineglass import nominal, paths, phases, rebalance, scenario
-from wineglass.calibration_block import to_binary
-from wineglass.commands_wire import CommandEncoder
+from wineglass.calibration_block import from_binary, to_binary
+from wineglass.commands_wire import CommandEncoder, Reason
 from wineglass.phases_order import order_for
 from wineglass.telemetry import Decoder
 from wineglass.wire import Status
@@ -272,6 +274,24 @@ def test_angle_survives_lost_frames_and_counts_with_the_sample_counter():
     assert turned * DEG_S == pytest.approx(20.0 * elapsed_s, rel=1e-5)
 
 
+def test_latency_is_the_documented_one():
+    """docs/SPEC.md, latency: 70 samples from rate to force, 20 to the middle of the mean; the output read at a block's end belongs to the loop
+    ticks up to 49 samples before, the rate to the block's middle."""
+    bench = Bench(QUIET | NO_BIAS)
+    crossover = 2 * np.pi * rebalance.margins(rebalance.loop_of(bench.calibration)).crossover_hz
+    delay_samples = -np.angle(response(bench, [2.0])[0]) / (2 * np.pi * 2.0) * 50e3
+    assert delay_samples == pytest.approx(50e3 / crossover - 10 + 20 + 49 - 25, abs=1.0)
+
+
+@pytest.mark.parametrize(("choice", "ticks"), [(1, 33.6), (2, 13.4), (3, 6.7), (4, 3.3)])
+def test_output_filter_delays_are_the_documented_ones(choice, ticks):
+    from wineglass.native import library, pointer
+
+    step, answer = np.full(2000, 2**28, np.int32), np.empty(2000, np.int32)
+    library().wg_output_filter_run(choice, 0, pointer(step, "int32_t"), pointer(answer, "int32_t"), len(step))
+    assert np.sum(1.0 - answer / 2**28) == pytest.approx(ticks, abs=0.1)
+
+
 def test_sync_pulses_are_stamped_with_sample_and_fraction():
     bench = Bench(settle_s=0.1)
     bench.twin.telemetry()
@@ -339,6 +359,96 @@ def test_rate_is_invalid_while_phases_are_calibrated_and_everything_comes_back()
     after = bench.listen(np.full(300, 0.0))
     assert np.all(after["status"] & Status.RATE_VALID) and not np.any(after["status"] & Status.TEST_ACTIVE)
     assert np.all(after["status"] & Status.REBALANCE_ACTIVE)
+
+
+def test_found_phases_are_stored_once():
+    bench = Bench(drive_phase_rad=[-ERROR_RAD])
+    decoder = Decoder()
+
+    def reasons(*data):
+        bench.command(b"".join(data))
+        frames = decoder.feed(bench.twin.telemetry())
+        return [Reason(int(ack["reason"])) for ack in frames.ack], frames
+
+    encoder = bench.encoder
+    decoder.feed(bench.twin.telemetry())
+    unlock = encoder.calibration_unlock(1)
+    assert reasons(encoder.phases_store())[0] == [Reason.LOCKED]
+    assert reasons(unlock, encoder.phases_store())[0] == [Reason.OK, Reason.NO_RESULT]
+    result = bench.calibrate_phases(demodulation=False, measure_s=0.5)
+    stored, frames = reasons(encoder.calibration_unlock(1), encoder.phases_store(), encoder.calibration_read())
+    assert stored == [Reason.OK] * 3
+    found = from_binary(frames.calibration[-1].data)
+    assert found.drive_phase_rad[0] == pytest.approx(-ERROR_RAD + result.drive.correction_rad, abs=1e-9)
+    assert found.sequence == bench.calibration.sequence + 1
+    before = from_binary(to_binary(bench.calibration))
+    assert found.with_changes(drive_phase_rad=before.drive_phase_rad, sequence=before.sequence) == before
+    assert reasons(encoder.calibration_unlock(1), encoder.phases_store())[0] == [Reason.OK, Reason.NO_RESULT]
+
+
+def test_only_a_locked_device_calibrates_its_phases_and_then_does_nothing_else():
+    bench = Bench(settle_s=0.1)
+    decoder = Decoder()
+
+    def reason(data):
+        bench.command(data)
+        return [Reason(int(ack["reason"])) for ack in decoder.feed(bench.twin.telemetry()).ack]
+
+    order = order_for(bench.run.device, demodulation=False)
+    assert reason(bench.encoder.phase_calibration(order, 1000.0)) == [Reason.NOT_LOCKED]
+    bench.turn(0.0, 2.0)
+    assert reason(bench.encoder.phase_calibration(replace(order, phase_rad=0.5), 1000.0)) == [Reason.OUT_OF_RANGE]
+    assert reason(bench.encoder.phase_calibration(replace(order, measure_s=200.0), 1000.0)) == [Reason.OUT_OF_RANGE]
+    assert reason(bench.encoder.phase_calibration(order, 1000.0)) == [Reason.OK]
+    for command in (bench.encoder.phase_calibration(order, 1000.0), bench.encoder.loop("open"), bench.encoder.raw_burst(10)):
+        assert reason(command) == [Reason.BUSY]
+    assert reason(bench.encoder.phase_calibration_abort()) == [Reason.OK]
+    bench.turn(0.0, 1.0)
+    assert bench.listen(np.zeros(1))["status"][0] & Status.RATE_VALID
+
+
+def test_gains_without_margin_are_refused_while_it_runs():
+    bench = Bench()
+    decoder = Decoder()
+    loop = rebalance.loop_of(bench.calibration)
+    fastest = 0.7 / loop.delay_s / loop.growth_per_s
+
+    def reason(kp, ki):
+        bench.command(bench.encoder.rebalance(kp, ki, 5e3, 0.9, 0.43))
+        return [Reason(int(ack["reason"])) for ack in decoder.feed(bench.twin.telemetry()).ack]
+
+    assert reason(1.01 * fastest, 0.0) == [Reason.UNSTABLE]
+    assert reason(0.5 * fastest, 0.5 * fastest * 300) == [Reason.UNSTABLE]
+    assert reason(0.99 * fastest, 0.99 * fastest * loop.decay_per_s) == [Reason.OK]
+    bench.turn(0.0, 0.5)
+    heard = bench.listen(np.zeros(300))
+    assert np.all(heard["status"] & Status.RATE_VALID) and np.abs(heard["rebalance_in_phase"]).max() < 0.1
+
+
+def test_replay_is_bit_identical_in_rebalance():
+    from wineglass.native import ffi, library, pointer
+    from wineglass.twin import Twin
+
+    run = scenario.prepare(scenario.parse({"mode": {"loop": "rebalance"}, "rate": {"kind": "sine", "amplitude_deg_s": 50, "frequency_hz": 7},
+                                           "override": {"electronics.thermometer.noise_degc": 0.0}}, "case"))
+    with Twin(run, codes=True) as twin:
+        twin.step(1500)
+        twin.command(CommandEncoder().test_signal(0.01, 0.02, 30.0, 5e3))
+        twin.step(50)
+        size = library().wg_device_snapshot_size()
+        snapshot = ffi.new("uint8_t[]", size)
+        assert library().wg_device_snapshot(twin._open_device(), snapshot, size) == size
+        block = twin.step(100)
+    cfg = ffi.new("struct wg_device_cfg *", {"sample_rate_millihz": 50_000_000, "adc_bits": 16, "dac_bits": 16, "serial": 5})
+    device = library().wg_device_create(cfg, ffi.NULL, 0)
+    assert library().wg_device_restore(device, snapshot, size) == 0
+    library().wg_device_set_thermometer(device, round(block.thermometer_degc[0] * 128))
+    adc = np.ascontiguousarray(block.codes[:, :2])
+    dac = np.empty_like(adc)
+    library().wg_device_run(device, len(adc), pointer(adc, "int32_t"), pointer(dac, "int32_t"))
+    library().wg_device_destroy(device)
+    assert np.array_equal(dac, block.codes[:, 2:])
+    assert np.ptp(dac[:, 1]) > 1000
 
 
 def test_phases_over_temperature_become_polynomials():

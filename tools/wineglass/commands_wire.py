@@ -146,6 +146,8 @@ class CommandEncoder:
         """Answered by a phases frame when it is done; the rate is invalid until then."""
         mean_s = PHASE_MEAN_TICKS / slow_rate_hz
         times = [max(1, round(seconds / mean_s)) for seconds in (order.settle_drive_s, order.settle_demodulation_s, order.measure_s)]
+        if not (order.drive or order.demodulation):
+            raise BadInput("nothing is to be calibrated", "phase calibration", "ask for drive, demodulation, or both")
         parts = order.drive * 1 + order.demodulation * 2 + order.apply * 4
         try:
             payload = struct.pack("<IHHHH", parts, *times, 0)
