@@ -134,6 +134,8 @@ class Firmware(Section):
     pll_bandwidth_hz: float = quantity(40.0, "Hz", "bandwidth of the drive loop's phase", ge=1, le=200)
     agc_bandwidth_hz: float = quantity(5.0, "Hz", "bandwidth of the amplitude control", ge=0.01, le=50)
     rebalance_bandwidth_hz: float = quantity(100.0, "Hz", "design bandwidth of force-to-rebalance; delay makes the closed loop faster", ge=1, le=300)
+    rebalance_in_phase_limit_fs: float = quantity(0.9, "FS", "largest in-phase rebalance force: the range", gt=0, le=0.9999)
+    rebalance_quadrature_limit_fs: float = quantity(0.43, "FS", "largest quadrature force; squares of both limits sum to 0.9998", ge=0, le=0.9999)
     search_fraction: float = quantity(0.012, "1", "cold start looks for the resonance within +- this of nominal", gt=0, le=0.05)
 
 
@@ -304,6 +306,9 @@ def _check_rates(device: Device, source: str) -> None:
     if (electronics.sample_rate_hz / samples) % 1.0:
         raise BadInput(f"{electronics.sample_rate_hz:g} Hz over {samples} samples is not a whole number of slow ticks a second",
                        f"{source}, firmware", "choose decimation and loops_per_slow so that their product divides the sample rate")
+    if math.hypot(firmware.rebalance_in_phase_limit_fs, firmware.rebalance_quadrature_limit_fs) > 0.9999:
+        raise BadInput("both rebalance limits together exceed the DAC's full scale", f"{source}, firmware.rebalance_quadrature_limit_fs",
+                       "keep the root of the sum of their squares below 0.9999")
     if firmware.pll_bandwidth_hz > electronics.sample_rate_hz / firmware.decimation / 20:
         raise BadInput(f"{firmware.pll_bandwidth_hz:g} Hz is too fast for the loop rate", f"{source}, firmware.pll_bandwidth_hz",
                        "stay below a twentieth of the loop rate")

@@ -23,7 +23,6 @@ SETTLE_TICKS = 20  # loop ticks; the decimator forgets the drive within three
 LISTEN_S = 0.1
 AUDIBLE_FS = 3e-4  # 50 dB under full scale and 20 dB over the noise of a loop tick
 DRIVE_LIMIT_FS = 0.9999
-IN_PHASE_LIMIT_FS, QUADRATURE_LIMIT_FS = 0.9, 0.43  # together 0.9975: the DAC holds both at once
 FIT_TARGET = 1e-6  # relative; the order grows until the fit is this good or MAX_ORDER is reached
 
 
@@ -205,7 +204,8 @@ def _loops(device: Device) -> dict[str, Any]:
     return {"pll_kp_per_s": pll.proportional, "pll_ki_per_s2": pll.integral, "agc_kp": agc.proportional, "agc_ki_per_s": agc.integral,
             "amplitude_set_point_fs": device.firmware.amplitude_fs, "drive_limit_fs": DRIVE_LIMIT_FS,
             "rebalance_kp": rebalance.proportional, "rebalance_ki_per_s": rebalance.integral,
-            "rebalance_in_phase_limit_fs": IN_PHASE_LIMIT_FS, "rebalance_quadrature_limit_fs": QUADRATURE_LIMIT_FS,
+            "rebalance_in_phase_limit_fs": device.firmware.rebalance_in_phase_limit_fs,
+            "rebalance_quadrature_limit_fs": device.firmware.rebalance_quadrature_limit_fs,
             "loop_delay_samples": loop_delay_samples(device)}
 
 
