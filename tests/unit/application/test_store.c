@@ -1,4 +1,5 @@
 /* The store keeps the old record or has the new one, whenever the supply goes. */
+#include <stdio.h>
 #include <string.h>
 
 #include "unity.h"
@@ -99,6 +100,41 @@ static void power_cut_at_every_step(void)
     }
 }
 
+/* Power cut in every operation of 200 updates, each of a device that goes on with what the cut before has left: the device starts with the
+ * old or the new record, never with neither. */
+static void two_hundred_updates_with_a_cut_at_every_step(void)
+{
+    struct random_state random = random_begin("store", 20241121);
+    uint32_t cuts = 0, old_kept = 0, new_found = 0, lost = 0;
+    TEST_ASSERT_EQUAL_INT(HAL_OK, store_write(&board->hal, old_record, RECORD_BYTES));
+    for (uint32_t update = 0; update < 200; update++) {
+        bool cut = true;
+        for (size_t i = 0; i < RECORD_BYTES; i++) {
+            new_record[i] = (uint8_t)random_u64(&random);
+        }
+        for (uint32_t step = 1; cut; step++) {
+            board_power_up(board);
+            board->cut_at = step;
+            int status = store_write(&board->hal, new_record, RECORD_BYTES);
+            cut = !board->powered;
+            board_power_up(board);
+            bool holds_old = holds(old_record, RECORD_BYTES), holds_new = holds(new_record, RECORD_BYTES);
+            TEST_ASSERT_TRUE(cut || (status == HAL_OK && holds_new));
+            cuts += cut ? 1 : 0;
+            old_kept += cut && holds_old ? 1 : 0;
+            new_found += cut && holds_new ? 1 : 0;
+            lost += holds_old || holds_new ? 0 : 1;
+        }
+        memcpy(old_record, new_record, RECORD_BYTES);
+    }
+    printf("200 updates, %u power cuts: %u times the old record, %u times the new one, %u lost\n", (unsigned)cuts, (unsigned)old_kept,
+           (unsigned)new_found, (unsigned)lost);
+    TEST_ASSERT_EQUAL_UINT32(0, lost);
+    TEST_ASSERT_EQUAL_UINT32(cuts, old_kept + new_found);
+    TEST_ASSERT_TRUE(cuts >= 200 * (2 + RECORD_BYTES / 32));
+    TEST_ASSERT_EQUAL_UINT32(0, board->bad_manners);
+}
+
 /* The first record of all: nothing before, so a cut leaves nothing or everything, never half. */
 static void power_cut_in_the_first_record(void)
 {
@@ -156,6 +192,7 @@ int main(void)
     RUN_TEST(the_newest_record_wins_and_the_older_sector_is_reused);
     RUN_TEST(every_program_unit_and_size);
     RUN_TEST(power_cut_at_every_step);
+    RUN_TEST(two_hundred_updates_with_a_cut_at_every_step);
     RUN_TEST(power_cut_in_the_first_record);
     RUN_TEST(a_changed_bit_anywhere_unseats_the_record);
     RUN_TEST(the_sequence_number_may_wrap);

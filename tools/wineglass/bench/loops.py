@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,6 +34,13 @@ def figures() -> dict[str, float]:
         output = subprocess.run([repository_root() / BUILD / "bin" / program], capture_output=True, text=True, check=True).stdout
         found.update({name: float(value) for name, value, _ in (line.split("\t") for line in output.splitlines())})
     return found
+
+
+def link(frames: int, byte_errors: float = 1e-3, seed: int = 1) -> dict[str, int]:
+    """Frames over a bad wire, encoder to receiver, in C; the account of what came through."""
+    program = repository_root() / BUILD / "bin" / "bench_link"
+    done = subprocess.run([program, str(frames), str(byte_errors), str(seed)], capture_output=True, text=True, check=False)
+    return json.loads(done.stdout)
 
 
 def rows(measured: dict[str, float]) -> Iterator[Row]:
