@@ -27,6 +27,7 @@ HELD_OUT_WEIGHT = 1.0
 HELD_OUT_MARGIN = 0.95  # an explanation earns its place when it leaves less than this share of what is left without it
 CREDIBLE = 0.95
 SETTLED = 0.8
+LEAVES_AT_MOST = 0.6  # of the gap, in sample: what leaves more is no explanation of it
 SIMPLER = 0.5  # an explanation is dropped for a part of it that is at least this times as probable
 LISTED = 12
 
@@ -109,9 +110,17 @@ def earns_its_place(ids: tuple[str, ...], held: dict[tuple[str, ...], float], th
     return all(held[ids] < HELD_OUT_MARGIN * held[r] for r in rivals if r in held)
 
 
-def alternatives(found: Posterior, held: dict[tuple[str, ...], float], threshold: float) -> list[tuple[str, ...]]:
+def share_left(rms: float, bare: float, floor: float) -> float:
+    """Share of the amplitude above the floor that an explanation leaves."""
+    return float(np.sqrt(max(0.0, rms**2 - floor**2) / max(bare**2 - floor**2, 1e-6 * bare**2, 1e-300)))
+
+
+def alternatives(
+    found: Posterior, left: dict[tuple[str, ...], float], held: dict[tuple[str, ...], float], floor: float, threshold: float
+) -> list[tuple[str, ...]]:
     """The credible set of what earned its place, without explanations that contain a simpler and about as probable one."""
     order = [ids for ids in found.explanations if earns_its_place(ids, held, threshold)]
+    order = [ids for ids in order if ids not in left or left[ids] <= threshold or share_left(left[ids], left[()], floor) <= LEAVES_AT_MOST]
     total = sum(found.probability[ids] for ids in order)
     credible, mass = [], 0.0
     for ids in order:

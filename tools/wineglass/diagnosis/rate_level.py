@@ -12,10 +12,11 @@ from wineglass.diagnosis.blocks import Blocks, make_blocks
 from wineglass.diagnosis.columns import Design
 from wineglass.diagnosis.evidence import Evidence
 from wineglass.diagnosis.gap import Floor, Fraction
-from wineglass.diagnosis.probabilities import Posterior, alternatives, posterior
+from wineglass.diagnosis.probabilities import Posterior, alternatives, posterior, share_left
 from wineglass.diagnosis.split import Split
 
 ENGINE = "rate_level"
+BEYOND_DOUBT = 1e-3
 FOLLOWED = 14  # best supports whose residuals are computed
 
 
@@ -43,7 +44,15 @@ class Analysis:
 
     @property
     def gap(self) -> bool:
-        return gap.rms(self.before[self.split.held]) > self.floor.threshold and self.posterior.none < 0.5
+        """More than noise on the held-out blocks, or beyond doubt in all of them."""
+        above = gap.rms(self.before[self.split.held]) > self.floor.threshold
+        return self.posterior.none < (0.5 if above else BEYOND_DOUBT)
+
+    @property
+    def share_left(self) -> float:
+        """Least share of the gap that a named explanation leaves, in sample."""
+        named = [self.left[ids] for ids in self.alternatives if ids in self.left]
+        return share_left(min(named), self.left[()], self.floor.rms) if named else 1.0
 
 
 def analyse(evidence: Evidence, advance: Callable[[], None] = lambda: None, without: frozenset[str] = frozenset()) -> Analysis | None:
@@ -71,7 +80,7 @@ def analyse(evidence: Evidence, advance: Callable[[], None] = lambda: None, with
     advance()
     null = gap.floor(design, held, blocks.white_rad_s, _null_fits(design, scores, blocks, scores.supports[int(np.argmax(_totals(scores)))]))
     found = posterior(scores, left, held_rms, null.threshold)
-    explanations = alternatives(found, held_rms, null.threshold)
+    explanations = alternatives(found, left, held_rms, null.rms, null.threshold)
     best = next((s for s in explanations if s in residuals), ())
     after = residuals[best] if best else before
     return Analysis(

@@ -18,7 +18,7 @@ from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, s
 UNIT = "rad/s"
 LEAST_SPAN_DEGC = 5.0
 UNKNOWN_ABOVE = 0.5
-LEAST_MARGINAL = 0.1
+UNKNOWN_LEFT = 0.4  # of the gap: when more than that stays and is no noise, the verdict is unknown
 COMPUTED_BY = "rate-level model with the effects added, not the full twin"
 
 
@@ -40,7 +40,9 @@ def decide(found: Analysis) -> Outcome:
     if not named or probability[(OTHER,)] > UNKNOWN_ABOVE:
         return Outcome("unknown", [])
     if found.fraction.value is not None and found.fraction.value < 0.1:
-        return Outcome("unknown", [], "no explanation predicts the held-out data")
+        return Outcome("unknown", [])
+    if found.posterior.remainder > 0.5 and found.share_left > UNKNOWN_LEFT:
+        return Outcome("unknown", named[:1])
     if len(named) > 1:
         return Outcome("ambiguous", named)
     holding = sum(p for ids, p in probability.items() if set(named[0]) <= set(ids))
@@ -89,8 +91,10 @@ def sentence(found: Analysis, outcome: Outcome) -> str:
     if outcome.verdict == "insufficient":
         return f"This recording cannot show a gap: {outcome.reason}."
     if outcome.verdict == "no_gap":
-        return f"No gap: the static curve leaves {before:.3g} rad/s on held-out data, no more than noise would ({found.floor.threshold:.3g})."
+        return f"No gap: the nominal twin leaves {before:.3g} rad/s on held-out data, no more than noise would ({found.floor.threshold:.3g})."
     if outcome.verdict == "unknown":
+        if outcome.named:
+            return f"There is a gap of {size}; {_in_words(outcome.named[0])} is a part of it at most, and nothing in the catalogue explains the rest."
         return f"There is a gap of {size}, and nothing in the catalogue explains it well enough."
     if outcome.verdict == "attributed":
         return f"There is a gap of {size}; {_in_words(outcome.named[0])} explains it."

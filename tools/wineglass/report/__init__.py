@@ -1,0 +1,1 @@
+"""The diagnosis as one HTML page that needs no network."""
