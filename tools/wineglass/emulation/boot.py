@@ -55,6 +55,8 @@ class Boot:
                 part = self._line.recv(4096)
             except TimeoutError:
                 continue
+            except ConnectionResetError:
+                break
             if not part:
                 break
             received += part
