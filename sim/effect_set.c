@@ -83,7 +83,10 @@ static void switch_on(struct effect_set *set, const struct effect_setting *setti
     const struct effect *effect = effect_list[setting->effect];
     struct effect_active *active = &set->active[set->count++];
     active->effect = effect;
-    memcpy(active->value, setting->value, sizeof active->value);
+    memcpy(active->value, setting->value, sizeof setting->value);
+    if (effect->prepare) {
+        effect->prepare(active->value);
+    }
     set->parameters = set->parameters || effect->parameters;
     set->advance = set->advance || effect->advance;
     set->thermometer = set->thermometer || effect->thermometer;

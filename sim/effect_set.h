@@ -6,7 +6,7 @@
 
 struct effect_active {
     const struct effect *effect;
-    double value[EFFECT_PARAMETERS];
+    double value[EFFECT_PARAMETERS + EFFECT_PREPARED];
     double state[EFFECT_STATES];
 };
 

@@ -156,7 +156,7 @@ static struct effect_context context_at(const struct envelope *e, double tick, d
         .time_s = time_at(e, tick),
         .duration_s = duration_s,
         .amplitude_fs = e->motion.amplitude,
-        .secondary_fs = phasor_size(e->motion.secondary),
+        .secondary_fs = e->effects.count > 0 ? phasor_size(e->motion.secondary) : 0.0,
         .reference_degc = e->plant.resonator.reference_degc,
         .velocity_scale_rad_s = e->resonator.velocity_scale_rad_s,
         .sample_rate_hz = e->plant.sample_rate_hz,
@@ -444,7 +444,7 @@ static void publish(struct envelope *e, const struct envelope_step *step, double
     double weight = step->maps->ticks;
     double sampled = e->sampled_late_s / step->step_s;
     publish_amplitudes(e, step, sum);
-    sum[ENVELOPE_FREQUENCY] += weight * step->frequency_mean * step->middle.clock_ratio / ELEMENTARY_TWO_PI;
+    sum[ENVELOPE_FREQUENCY] += weight * step->frequency_mean * step->middle.clock_ratio * (1.0 / ELEMENTARY_TWO_PI);
     sum[ENVELOPE_LEVEL] += weight * (step->level.mean - sampled * (step->level.end - step->level.start));
     sum[ENVELOPE_TEMPERATURE] += weight * (e->firmware.reference_degc + step->temperature.mean);
     sum[ENVELOPE_RATE] += weight * envelope_filter_step(&step->maps->filter, &motion->filter[0], rates.compensated);
@@ -458,8 +458,12 @@ static void publish(struct envelope *e, const struct envelope_step *step, double
 static bool run_step(struct envelope *e, struct envelope_maps *maps, struct span rate, double chamber_end_degc, double *sum)
 {
     struct envelope_motion *motion = &e->motion;
-    struct envelope_step step = {.maps = maps, .step_s = maps->step_s, .rate = rate, .chamber_end_degc = chamber_end_degc};
+    struct envelope_step step; /* every part fills its own fields: clearing a kilobyte first would cost as much as a part */
     bool single = maps == &e->single;
+    step.maps = maps;
+    step.step_s = maps->step_s;
+    step.rate = rate;
+    step.chamber_end_degc = chamber_end_degc;
     take_environment(e, &step);
     bool free = envelope_primary(e, &step);
     if (!free && !single) {
@@ -514,7 +518,7 @@ static bool event_within(const struct envelope *e)
 
 static bool turns_far(const struct envelope *e)
 {
-    double fastest = fmax(fabs(e->motion.physics.detuning_rad_s), ELEMENTARY_TWO_PI * e->firmware.test_hz * 2.0);
+    double fastest = larger(fabs(e->motion.physics.detuning_rad_s), ELEMENTARY_TWO_PI * e->firmware.test_hz * 2.0);
     return fastest * e->coarse.step_s > FARTHEST_TURN_RAD;
 }
 
@@ -544,7 +548,8 @@ static void advance(struct envelope *e, uint64_t i, double *sum)
     struct span rate = {e->motion.rate_rad_s, rate_mean, rate_end};
     double chamber = profile->chamber_degc ? profile->chamber_degc[i] : e->motion.temperature.chamber_degc;
     if (smooth(e)) {
-        const struct envelope_motion before = e->motion;
+        struct envelope_motion before;
+        memcpy(&before, &e->motion, sizeof before);
         save_effects(e);
         if (run_step(e, &e->coarse, rate, chamber, sum)) {
             return;
@@ -608,8 +613,8 @@ static bool profile_sound(const struct envelope *e, const struct envelope_profil
     uint64_t n = profile->n_steps;
     double low = e->motion.temperature.shell_degc, high = low;
     for (uint64_t i = 0; profile->chamber_degc && i < n; i++) {
-        low = fmin(low, profile->chamber_degc[i]);
-        high = fmax(high, profile->chamber_degc[i]);
+        low = smaller(low, profile->chamber_degc[i]);
+        high = larger(high, profile->chamber_degc[i]);
     }
     return n % e->cfg.frame_steps == 0 && all_within(profile->rate_mean_rad_s, n, fastest)
            && all_within(profile->rate_end_rad_s, n, fastest) && all_within(profile->chamber_degc, n, 1e4)

@@ -119,7 +119,6 @@ struct envelope {
 /* One step's inputs, and what its parts hand on to each other. */
 struct envelope_step {
     struct envelope_maps *maps;
-    bool single;
     double step_s;
     struct span rate;
     double chamber_end_degc;

@@ -144,9 +144,9 @@ static double clamped_level(const struct envelope_firmware *firmware, double err
     double wanted = firmware->agc_kp * error_fs + *integral;
     bool held = (wanted > most && error_fs > 0.0) || (wanted < 0.0 && error_fs < 0.0);
     if (!held) {
-        *integral = fmin(fmax(*integral + firmware->agc_ki * error_fs * duration_s, 0.0), most);
+        *integral = smaller(larger(*integral + firmware->agc_ki * error_fs * duration_s, 0.0), most);
     }
-    return fmin(fmax(wanted, 0.0), most);
+    return smaller(larger(wanted, 0.0), most);
 }
 
 /* A single slow tick, loop tick by loop tick, with the force at a limit for a part of it. A command of its beginning acts a little later. */
@@ -163,7 +163,7 @@ static void run_limited(struct envelope *e, struct envelope_step *step, struct g
         double slope = gains.push * level + motion->coupling.re - decay * a;
         double error_fs = firmware->amplitude_fs - step->middle.pickoff[0] * (a + slope * (0.5 * part_s - e->drive_delay_s));
         double commanded = clamped_level(firmware, error_fs, part_s, &motion->drive_integral);
-        double old = fmin(fmax(waiting_s / part_s - i, 0.0), 1.0);
+        double old = smaller(larger(waiting_s / part_s - i, 0.0), 1.0);
         double acting = commanded + old * (motion->level - commanded);
         double final = (gains.push * acting + motion->coupling.re) / decay;
         double next = final + (a - final) * (1.0 - decay * part_s * (1.0 - 0.5 * decay * part_s));
@@ -188,15 +188,15 @@ static bool beyond_limits(const struct envelope *e, const struct envelope_step *
 /* After a command a single tick is also done loop tick by loop tick. */
 static bool run_controlled(struct envelope *e, struct envelope_step *step)
 {
-    const struct envelope_motion before = e->motion;
+    double integral = e->motion.drive_integral;
     struct gains gains = gains_of(e, step);
     bool single = step->maps == &e->single;
-    bool limited = beyond_limits(e, step) || (single && before.tick == before.amplitude_command);
+    bool limited = beyond_limits(e, step) || (single && e->motion.tick == e->motion.amplitude_command);
     if (!limited && run_free(e, step, gains, e->firmware.amplitude_fs / step->middle.pickoff[0])) {
         return true;
     }
     if (single) {
-        e->motion.drive_integral = before.drive_integral;
+        e->motion.drive_integral = integral;
         run_limited(e, step, gains);
     }
     return false;

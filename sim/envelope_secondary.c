@@ -10,7 +10,7 @@
 
 static double clamp(double value, double limit)
 {
-    return fmin(fmax(value, -limit), limit);
+    return smaller(larger(value, -limit), limit);
 }
 
 static double tone(const struct envelope *e, uint64_t tick)
@@ -68,6 +68,11 @@ static struct phasor_span phasor_span_add(const struct phasor_span *a, const str
 }
 
 /* Leak of the drive into the pickoff, as part of what is measured. */
+static bool leaks(const struct envelope_step *step)
+{
+    return step->middle.feedthrough.re != 0.0 || step->middle.feedthrough.im != 0.0;
+}
+
 static struct phasor_span leak(const struct envelope_step *step)
 {
     const struct phasor by = step->middle.feedthrough;
@@ -160,9 +165,11 @@ static struct phasor sense(const struct envelope_step *step)
 /* Pickoff's gain and lag, leak; the demodulation phase turns all of it, the decoupler's part included. */
 static void measure(struct envelope_step *step)
 {
-    struct phasor_span leaked = leak(step);
-    struct phasor_span seen = span_times(sense(step), &step->secondary);
-    step->measured = phasor_span_add(&seen, &leaked);
+    step->measured = span_times(sense(step), &step->secondary);
+    if (leaks(step)) {
+        struct phasor_span leaked = leak(step);
+        step->measured = phasor_span_add(&step->measured, &leaked);
+    }
 }
 
 static void demodulate(struct envelope_step *step)
@@ -190,7 +197,7 @@ static bool run_open(struct envelope *e, struct envelope_step *step)
 /* ---- rebalanced -------------------------------------------------------------------------------------------------------- */
 
 struct loop {
-    struct phasor push;                   /* of the rebalance force, phase error included; FS/s per FS */
+    struct phasor push, per_push;         /* of the rebalance force, phase error included; FS/s per FS; and its reciprocal */
     struct phasor pole;                   /* of the free mode */
     struct phasor proportional, integral; /* of the loop, 1/s and 1/s^2 */
     struct phasor faster;                 /* 1 / (1 - proportional delay) */
@@ -203,6 +210,7 @@ static struct loop loop_of(const struct envelope *e, const struct envelope_step 
     struct phasor through = phasor_product(sense(step), phasor_turn(demodulation_rad(step)));
     struct loop loop = {.push = phasor_scale(without_phi, step->middle.push[1][1]), .pole = pole_of(step)};
     struct phasor gain = phasor_product(loop.push, through);
+    loop.per_push = phasor_divide((struct phasor){1.0, 0.0}, loop.push);
     double delay = e->rebalance_delay_s;
     loop.proportional = phasor_scale(gain, e->firmware.rebalance_kp);
     loop.integral = phasor_scale(gain, e->firmware.rebalance_ki);
@@ -256,6 +264,9 @@ static void refresh_rebalance(const struct envelope_step *step, const struct loo
 /* The leak reads as motion: x = A2 + leak over the pickoff's gain. */
 static struct phasor_span leak_as_motion(const struct envelope_step *step)
 {
+    if (!leaks(step)) {
+        return (struct phasor_span){span_of(0.0), span_of(0.0)};
+    }
     struct phasor_span leaked = leak(step);
     return span_times(phasor_divide((struct phasor){1.0, 0.0}, sense(step)), &leaked);
 }
@@ -265,6 +276,9 @@ static struct phasor_span loop_input(const struct envelope *e, const struct enve
                                      const struct phasor_span *offset)
 {
     struct phasor_span input = forcing(e, step);
+    if (!leaks(step)) {
+        return input;
+    }
     struct phasor_span moved = span_times(phasor_scale(loop->pole, -1.0), offset);
     input = phasor_span_add(&input, &moved);
     double slope_re = (offset->re.end - offset->re.start) / step->step_s;
@@ -301,12 +315,12 @@ static void run_loop(struct envelope *e, struct envelope_step *step, const struc
     struct phasor sum = phasor_subtract(phasor_add(phasor_product(loop->inner, x1), phasor_span_end(&input)), w1);
     struct phasor pushed_end = phasor_subtract(phasor_add(phasor_product(loop->pole, x1), phasor_span_end(&input)),
                                                phasor_product(loop->faster, sum));
-    struct phasor r_mean = phasor_divide(pushed_mean, loop->push);
-    struct phasor r_end = phasor_divide(pushed_end, loop->push);
+    struct phasor r_mean = phasor_product(pushed_mean, loop->per_push);
+    struct phasor r_end = phasor_product(pushed_end, loop->per_push);
     step->rebalance = (struct phasor_span){{motion->rebalance.re, r_mean.re, r_end.re}, {motion->rebalance.im, r_mean.im, r_end.im}};
     step->secondary = (struct phasor_span){{motion->secondary.re, x_mean.re - offset.re.mean, x1.re - offset.re.end},
                                            {motion->secondary.im, x_mean.im - offset.im.mean, x1.im - offset.im.end}};
-    motion->rebalance_integral = phasor_divide(w1, loop->push);
+    motion->rebalance_integral = phasor_product(w1, loop->per_push);
 }
 
 static bool beyond(struct phasor force, struct phasor test, const struct envelope_firmware *firmware)

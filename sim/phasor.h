@@ -35,8 +35,8 @@ static inline double phasor_power(struct phasor a)
 
 static inline struct phasor phasor_divide(struct phasor a, struct phasor b)
 {
-    double power = phasor_power(b);
-    return (struct phasor){(a.re * b.re + a.im * b.im) / power, (a.im * b.re - a.re * b.im) / power};
+    double per_power = 1.0 / phasor_power(b);
+    return (struct phasor){(a.re * b.re + a.im * b.im) * per_power, (a.im * b.re - a.re * b.im) * per_power};
 }
 
 static inline double phasor_size(struct phasor a)

@@ -7,6 +7,17 @@ struct span {
     double start, mean, end;
 };
 
+/* Not the C library's fmin and fmax, which are calls. */
+static inline double smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static inline double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 static inline struct span span_of(double both)
 {
     return (struct span){both, both, both};

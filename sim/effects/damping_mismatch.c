@@ -3,16 +3,24 @@
 #include "sim/effects/effect.h"
 #include "sim/elementary.h"
 
+enum { COSINE = EFFECT_PARAMETERS, SINE };
+
+static void prepare(double *values)
+{
+    struct elementary_pair axis = elementary_cos_sin_turns(values[2] / 180.0);
+    values[COSINE] = axis.cosine;
+    values[SINE] = axis.sine;
+}
+
 static void apply(const double *values, const double *state, const struct effect_context *now, struct plant_parameters *p)
 {
     (void)state;
     double t = effect_shift_degc(now);
     double half = 0.25 * (values[0] + values[1] * t) * (p->resonator.damping[0] + p->resonator.damping[1]);
-    struct elementary_pair axis = elementary_cos_sin_turns(values[2] / 180.0);
-    p->resonator.damping[0] += half * axis.cosine;
-    p->resonator.damping[1] -= half * axis.cosine;
-    p->resonator.cross_damping_12 -= half * axis.sine;
-    p->resonator.cross_damping_21 -= half * axis.sine;
+    p->resonator.damping[0] += half * values[COSINE];
+    p->resonator.damping[1] -= half * values[COSINE];
+    p->resonator.cross_damping_12 -= half * values[SINE];
+    p->resonator.cross_damping_21 -= half * values[SINE];
 }
 
 const struct effect effect_damping_mismatch = {
@@ -25,5 +33,6 @@ const struct effect effect_damping_mismatch = {
         {"slope_per_degc", "1/degC", EFFECT_STRENGTH, 0.0, -0.01, 0.01, 1e-4, "a per cent of the mismatch per degC"},
         {"axis_deg", "deg", EFFECT_SHAPE, 30.0, -90.0, 90.0, 30.0, "angle of the axis of larger damping in mode space"},
     },
+    .prepare = prepare,
     .parameters = apply,
 };

@@ -14,7 +14,7 @@
 #include "sim/plant_parameters.h"
 
 /* cdef begin */
-enum effect_limit { EFFECT_PARAMETERS = 6, EFFECT_STATES = 8, EFFECT_SET = 16 };
+enum effect_limit { EFFECT_PARAMETERS = 6, EFFECT_PREPARED = 4, EFFECT_STATES = 8, EFFECT_SET = 16 };
 
 enum effect_stage {
     EFFECT_STAGE_PRIMARY, EFFECT_STAGE_SECONDARY, EFFECT_STAGE_COUPLING, EFFECT_STAGE_ACTUATION, EFFECT_STAGE_PICKOFF,
@@ -65,7 +65,11 @@ struct effect {
     const char *appearance;       /* what it looks like, and in which channels */
     struct effect_parameter parameter[EFFECT_PARAMETERS];
 
-    /* Hooks, each may be missing. `values` are the parameters, `state` is the effect's own memory, zero at power-up. */
+    /* Hooks, each may be missing. `values` are the parameters, followed by EFFECT_PREPARED more that `prepare` may compute from them;
+     * `state` is the effect's own memory, zero at power-up. */
+
+    /* Once, when the effect is switched on. */
+    void (*prepare)(double *values);
 
     /* Changes the plant's parameters. The state moves on by `advance`, never here: a hook may be asked twice about one step. */
     void (*parameters)(const double *values, const double *state, const struct effect_context *now, struct plant_parameters *p);

@@ -2,14 +2,22 @@
 #include "sim/effects/effect.h"
 #include "sim/elementary.h"
 
+enum { COSINE = EFFECT_PARAMETERS, SINE };
+
+static void prepare(double *values)
+{
+    struct elementary_pair axis = elementary_cos_sin_turns(values[2] / 180.0);
+    values[COSINE] = axis.cosine;
+    values[SINE] = axis.sine;
+}
+
 static void apply(const double *values, const double *state, const struct effect_context *now, struct plant_parameters *p)
 {
     (void)state;
     double split = ELEMENTARY_TWO_PI * (values[0] + values[1] * effect_shift_degc(now)) * now->velocity_scale_rad_s;
-    struct elementary_pair axis = elementary_cos_sin_turns(values[2] / 180.0);
-    p->resonator.stiffness[0] += split * axis.cosine;
-    p->resonator.stiffness[1] -= split * axis.cosine;
-    p->resonator.cross_stiffness += split * axis.sine;
+    p->resonator.stiffness[0] += split * values[COSINE];
+    p->resonator.stiffness[1] -= split * values[COSINE];
+    p->resonator.cross_stiffness += split * values[SINE];
 }
 
 const struct effect effect_frequency_split = {
@@ -22,5 +30,6 @@ const struct effect effect_frequency_split = {
         {"slope_hz_per_degc", "Hz/degC", EFFECT_STRENGTH, 0.0, -0.1, 0.1, 2e-4, "a per cent of the split per degC, from mount stresses"},
         {"axis_deg", "deg", EFFECT_SHAPE, 20.0, -90.0, 90.0, 20.0, "angle of the stiff axis in mode space; a balancing finds it poorly"},
     },
+    .prepare = prepare,
     .parameters = apply,
 };

@@ -1,20 +1,19 @@
-"""One scenario through both twins, command by command, as arrays that can be subtracted: what the tests of the envelope twin are made of."""
+"""One scenario through both twins, as arrays that can be subtracted: what the tests of the envelope twin are made of."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from wineglass import scenario
-from wineglass.calibration_block import Calibration, from_binary, to_binary
 from wineglass.commands_wire import CommandEncoder
 from wineglass.effects import Setting
-from wineglass.envelope import Envelope, Event
+from wineglass.envelope import Envelope
 from wineglass.scenario import Run
-from wineglass.telemetry import Conversion, Decoder, Identity, conversions, si
-from wineglass.twin import Twin, block_for
+from wineglass.telemetry import Decoder, Identity, conversions, si
+from wineglass.twin import Twin
 
 IDEAL = {"electronics.adc.bits": 32, "electronics.adc.snr_db": 0.0, "electronics.thermometer.lsb_degc": 2.0**-16,
          "electronics.thermometer.noise_degc": 0.0}
@@ -28,78 +27,48 @@ Series = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Case:
-    """A run of both twins: a scenario, commands, and effects."""
+    """A scenario for both twins, with effects, in frames of so many slow ticks."""
 
     run: Run
-    block: bytes
-    events: tuple[Event, ...] = ()
     effects: tuple[Setting, ...] = ()
     frame_ticks: int = 20
 
-
-def rebalance_calibration(run: Run, bandwidth_hz: float = 100.0) -> Calibration:
-    """The nominal calibration with a rebalance loop of its own: PI with its zero at a tenth of the bandwidth."""
-    calibration = from_binary(block_for(run))
-    device = run.device
-    half_angle = math.pi * device.resonator.frequency_hz / device.electronics.sample_rate_hz
-    held = math.sin(half_angle) / half_angle
-    push = device.holding_acceleration_fs_s2 * device.electronics.dac.rebalance_reach * held / (4.0 * math.pi * device.resonator.frequency_hz)
-    kp = 2.0 * math.pi * bandwidth_hz / push
-    return calibration.with_changes(
-        rebalance_kp=kp, rebalance_ki_per_s=kp * 2.0 * math.pi * bandwidth_hz / 10.0, rebalance_in_phase_limit_fs=0.95,
-        rebalance_quadrature_limit_fs=0.3, rebalance_scale_rad_s_per_ratio=[2.0 * push / device.resonator.angular_gain], loop="rebalance")
+    @property
+    def frame_s(self) -> float:
+        return self.frame_ticks / self.run.device.slow_rate_hz
 
 
-def case(fields: dict, *, loop: str = "open", ideal: bool = True, events: tuple[Event, ...] = (), effects: tuple[Setting, ...] = (),
-         frame_ticks: int = 20) -> Case:
-    """A scenario from its fields; loop "rebalance" closes the loop after start-up."""
-    override = {**(IDEAL if ideal else {}), **fields.pop("override", {})}
-    run = scenario.prepare(scenario.parse({"override": override, **fields}, "case"))
-    block = to_binary(rebalance_calibration(run)) if loop == "rebalance" else block_for(run)
-    return Case(run, block, events, effects, frame_ticks)
+def case(fields: dict, effects: Sequence[Setting] = (), frame_ticks: int = 20) -> Case:
+    """A scenario from its fields, with ideal converters."""
+    override = {**IDEAL, **fields.get("override", {})}
+    return Case(scenario.prepare(scenario.parse({**fields, "override": override}, "case")), tuple(effects), frame_ticks)
 
 
 def envelope(case: Case) -> Series:
-    with Envelope(case.run, calibration_block=case.block, frame_ticks=case.frame_ticks, effects=case.effects) as twin:
-        frames = twin.run(case.events)
-        return {name: frames[name] for name in CHANNELS}
+    with Envelope(case.run, frame_ticks=case.frame_ticks, effects=case.effects) as twin:
+        frames = twin.run()
+    return {name: frames[name] for name in CHANNELS}
 
 
 def full(case: Case) -> Series:
     """The sampled twin's telemetry, (n,) each, as many frames as are whole."""
     run, encoder, decoder = case.run, CommandEncoder(), Decoder()
-    with Twin(run, calibration_block=case.block, effects=case.effects) as twin:
+    with Twin(run, effects=case.effects) as twin:
         twin.command(encoder.divisors(case.frame_ticks, case.frame_ticks))
         twin.poll()
         parts = [decoder.feed(twin.telemetry())]
-        identity = Identity.of(parts[0].identity[0])
-        for event in (*case.events, None):
-            for _ in twin.chunks(run.n_blocks - twin.blocks_done if event is None
-                                 else round(event.time_s * run.device.slow_rate_hz) - twin.blocks_done):
-                parts.append(decoder.feed(twin.telemetry()))
-            if event is not None:
-                twin.command(_bytes(encoder, event, identity))
-                twin.poll()
-    table = conversions(identity)
+        for command in sorted(run.scenario.command, key=lambda command: command.at_s):
+            parts += _stretch(twin, decoder, round(command.at_s * run.device.slow_rate_hz))
+            twin.command(command.encode(encoder, run.device))
+            twin.poll()
+        parts += _stretch(twin, decoder, run.n_blocks)
+    table = conversions(Identity.of(parts[0].identity[0]))
     records = {tap: np.concatenate([getattr(part, tap) for part in parts]) for tap in ("baseband", "output")}
-    table["output"]["quadrature"] = Conversion("quadrature", "rad/s", 2.0**-28)
     return {name: si(records[tap], table[tap][name]) for name in CHANNELS for tap in ("baseband", "output") if name in table[tap]}
 
 
-def _bytes(encoder: CommandEncoder, event: Event, identity: Identity) -> bytes:
-    loop_rate_hz = identity.sample_rate_hz / identity.decimation
-    values = event.values
-    if event.command == "test_signal":
-        return encoder.test_signal(*values, loop_rate_hz)
-    if event.command == "phase_set_point":
-        return encoder.phase_set_point(math.degrees(values[0]))
-    if event.command == "agc_gains":
-        return encoder.agc_gains(*values, loop_rate_hz)
-    if event.command == "pll_gains":
-        return encoder.pll_gains(*values, identity.sample_rate_hz, identity.decimation)
-    if event.command == "rebalance":
-        return encoder.rebalance(values[0], values[1], loop_rate_hz, *values[2:])
-    return getattr(encoder, event.command)(*values)
+def _stretch(twin: Twin, decoder: Decoder, to_block: int) -> list:
+    return [decoder.feed(twin.telemetry()) for _ in twin.chunks(to_block - twin.blocks_done)]
 
 
 def rms(x: np.ndarray) -> float:
@@ -109,6 +78,6 @@ def rms(x: np.ndarray) -> float:
 def both(case: Case, start_s: float = 0.0) -> tuple[Series, Series]:
     """Envelope and full twin over the frames that both have, from start_s on."""
     fast, slow = envelope(case), full(case)
-    first = round(start_s * case.run.device.slow_rate_hz / case.frame_ticks)
+    first = round(start_s / case.frame_s)
     n = min(len(fast["rate"]), len(slow["rate"]))
     return {name: fast[name][first:n] for name in CHANNELS}, {name: slow[name][first:n] for name in CHANNELS}

@@ -19,26 +19,17 @@ from typing import Any
 import numpy as np
 
 from wineglass import effects as catalogue
-from wineglass import twin
+from wineglass import schedule, twin
 from wineglass.calibration_block import COMPENSATIONS, LOOPS, OUTPUT_FILTERS
 from wineglass.effects import Setting
 from wineglass.errors import BadInput
 from wineglass.native import ffi, library, pointer
 from wineglass.scenario import Run
+from wineglass.schedule import Command
 
 LONGEST_STEP_S = 0.02
 CHANNELS = tuple(name for name, _ in ffi.typeof("struct envelope_record").fields)
 """Names and units as in a recording: FS, Hz, degC, rad/s."""
-
-
-@dataclass(frozen=True)
-class Event:
-    """A command that reaches the device at time_s: amplitude (FS), compensation, loop, output_filter (names), test_signal (in phase FS, quadrature
-    FS, tone Hz), phase_set_point (rad), pll_gains (1/s, 1/s^2), agc_gains (FS/FS, FS/FS/s), rebalance (FS/FS, FS/FS/s, limits FS)."""
-
-    time_s: float
-    command: str
-    values: tuple[float | str, ...]
 
 
 @dataclass(frozen=True)
@@ -113,13 +104,14 @@ class Envelope:
         return Inputs(rate.at(middles).reshape(steps, self.step_ticks).mean(axis=1), np.ascontiguousarray(rate.at(ends), float),
                       np.ascontiguousarray(run.scenario.temperature.at(ends), float))
 
-    def run(self, events: Sequence[Event] = (), inputs: Inputs | None = None) -> Frames:
-        """From power-up through the inputs (None: the scenario's)."""
+    def run(self, inputs: Inputs | None = None, commands: Sequence[Command] | None = None) -> Frames:
+        """From power-up through inputs and commands (None: the scenario's)."""
         inputs = self.inputs() if inputs is None else inputs
+        commands = self.scenario_run.scenario.command if commands is None else commands
         columns = [np.ascontiguousarray(values, np.float64) for values in (inputs.rate_mean_rad_s, inputs.rate_end_rad_s, inputs.chamber_degc)]
         n_frames = len(inputs) * self.step_ticks // self.frame_ticks
-        listed = ffi.new("struct envelope_event[]", [_event(event) for event in sorted(events, key=lambda event: event.time_s)])
-        profile = ffi.new("struct envelope_profile *", [len(inputs), *(pointer(values, "double") for values in columns), len(listed), listed])
+        events = self._events(commands)
+        profile = ffi.new("struct envelope_profile *", [len(inputs), *(pointer(values, "double") for values in columns), len(events), events])
         channels = {name: np.empty(n_frames) for name in CHANNELS}
         record = ffi.new("struct envelope_record *", [pointer(values, "double") for values in channels.values()])
         library().envelope_reset(self._open())
@@ -128,6 +120,13 @@ class Envelope:
             raise twin.refusal(self.scenario_run, int(result), self.calibration_block)
         rate_hz = self.scenario_run.device.electronics.sample_rate_hz
         return Frames((self.end_sample(0) / rate_hz) + np.arange(n_frames) * self.frame_s, channels)
+
+    def _events(self, commands: Sequence[Command]) -> Any:
+        """struct envelope_event[]. Like the simulation, which sends commands between slow periods."""
+        rate_hz = self.scenario_run.device.slow_rate_hz
+        timed = sorted((round(command.at_s * rate_hz) / rate_hz, order, command) for order, command in enumerate(commands)
+                       if not isinstance(command, schedule.SyncPulse))
+        return ffi.new("struct envelope_event[]", [(time_s, *_event(command)) for time_s, _, command in timed])
 
     @property
     def single_ticks(self) -> int:
@@ -160,16 +159,30 @@ def _step_ticks(frame_ticks: int, slow_rate_hz: float) -> int:
     return next(ticks for ticks in range(min(longest, max(frame_ticks, 1)), 0, -1) if frame_ticks % ticks == 0)
 
 
-_COMMANDS = ("amplitude", "compensation", "loop", "test_signal", "phase_set_point", "pll_gains", "agc_gains", "rebalance", "output_filter")
-_CHOICES = {"compensation": COMPENSATIONS, "loop": LOOPS, "output_filter": OUTPUT_FILTERS}
+_ORDER = ("amplitude", "compensation", "loop", "test_signal", "phase_set_point", "pll_gains", "agc_gains", "rebalance", "output_filter")
+"""enum envelope_command"""
 
 
-def _event(event: Event) -> tuple[float, int, int, list[float]]:
-    if event.command not in _COMMANDS:
-        raise BadInput(f"the command '{event.command}' is unknown", "envelope twin", f"choose one of {', '.join(_COMMANDS)}")
-    choices: tuple[str, ...] = _CHOICES.get(event.command, ())
-    unknown = [value for value in event.values if isinstance(value, str) and value not in choices]
-    if unknown:
-        raise BadInput(f"'{unknown[0]}' is no {event.command}", "envelope twin", f"choose one of {', '.join(choices)}")
-    numbers = [float(choices.index(value)) if isinstance(value, str) else float(value) for value in event.values]
-    return event.time_s, _COMMANDS.index(event.command), 0, numbers + [0.0] * (4 - len(numbers))
+def _event(command: Command) -> tuple[int, int, list[float]]:
+    """Number, 0 and values of struct envelope_event."""
+    values = _values(command)
+    return _ORDER.index(command.kind), 0, [*values, *[0.0] * (4 - len(values))]
+
+
+def _values(command: Command) -> list[float]:
+    match command:
+        case schedule.AmplitudeCommand():
+            return [command.set_point_fs]
+        case schedule.CompensationCommand():
+            return [COMPENSATIONS.index(command.mode)]
+        case schedule.LoopCommand():
+            return [LOOPS.index(command.mode)]
+        case schedule.TestSignalCommand():
+            return [command.in_phase_fs, command.quadrature_fs, command.frequency_hz]
+        case schedule.PhaseSetPointCommand():
+            return [math.radians(command.phase_deg)]
+        case schedule.RebalanceCommand():
+            return [command.kp, command.ki_per_s, command.in_phase_limit_fs, command.quadrature_limit_fs]
+        case schedule.OutputFilterCommand():
+            return [OUTPUT_FILTERS.index(command.corner)]
+    raise BadInput(f"the envelope twin has no command '{command.kind}'", f"command at {command.at_s:g} s", "leave it out, or use the full twin")
