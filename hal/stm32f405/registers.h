@@ -8,7 +8,9 @@
 
 #include <stdint.h>
 
+#ifndef REGISTER /* a test has registers of its own */
 #define REGISTER(base, offset) (*(volatile uint32_t *)((base) + (offset)))
+#endif
 #define BIT(n)                 (UINT32_C(1) << (n))
 #define FIELD(value, first, width) (((uint32_t)(value) & ((UINT32_C(1) << (width)) - 1)) << (first))
 
