@@ -1,5 +1,6 @@
 """A device at the end of a wire: ports, commands with answers, live recording through damage, restarts and Ctrl-C."""
 
+import json
 import os
 import pty
 import signal
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 
 from host_device import Device
-from wineglass import calibration_block, scenario
+from wineglass import calibration_block, cli, scenario
 from wineglass.commands_wire import CommandEncoder, Reason
 from wineglass.errors import BadInput, WineglassError
 from wineglass.link import serve as link_serve
@@ -359,3 +360,34 @@ def test_the_served_bytes_are_the_twin_s(tmp_path):
         twin.poll()
         twin.step(run.n_blocks)
         assert received == twin.telemetry()
+
+
+# ---- the command line ----------------------------------------------------------------------------------------------------
+
+
+def test_device_and_record_from_the_command_line(tmp_path, capfd):
+    socket_path = tmp_path / "gyro.sock"
+    with Served(socket_path, prepared(12.0), speed=4.0):
+        assert cli.main(["device", "--port", str(socket_path), "--compensation", "static", "--output-hz", "100", "--json"]) == 0
+        told = json.loads(capfd.readouterr().out)
+        assert told["status"]["compensation"] == "static" and told["status"]["output_hz"] == 100.0 and told["refused"] == []
+        kept = tmp_path / "kept.json"
+        assert cli.main(["device", "--port", str(socket_path), "--phase", "90", "--filter", "0.1", "--read-calibration", str(kept), "--json"]) == 1
+        output = capfd.readouterr()
+        assert "phase: the device refused it (" in output.err and "reason 4)" in output.err
+        assert json.loads(output.out)["status"]["output_filter"] == "0.1"
+        assert cli.main(["device", "--port", str(socket_path), "--write-calibration", str(kept), "--read-calibration", str(tmp_path / "kept.bin")]) == 0
+        assert (tmp_path / "kept.bin").read_bytes() == calibration_block.to_binary(calibration_block.read_json(kept)) == block_for(prepared())
+        assert "commands accepted" in capfd.readouterr().out
+        assert cli.main(["record", "--port", str(socket_path), "-o", str(tmp_path / "run.h5"), "--seconds", "0.5", "--device", "metal"]) == 0
+        assert "time is over" in capfd.readouterr().out
+    assert Recording.open(tmp_path / "run.h5").device_toml
+
+
+@pytest.mark.parametrize("words", [
+    ["record", "--port", "/no/such", "-o", "x.h5"], ["device", "--port", "/no/such"], ["serve", "cold-start", "--tcp", "what"],
+    ["serve", "cold-start", "--tcp", "0", "--speed", "-1"], ["fuzz", "--seconds", "0"], ["fuzz", "--only", "nothing"],
+    ["device", "--port", "/no/such", "--write-calibration", "/no/such.json"]])
+def test_bad_words_are_one_line_and_status_2(words, capfd):
+    assert cli.main(words) == 2
+    assert len(capfd.readouterr().err.splitlines()) == 1

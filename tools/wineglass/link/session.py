@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from wineglass.commands_wire import CHUNK_BYTES, CommandEncoder
+from wineglass.commands_wire import CHUNK_BYTES, CommandEncoder, Reason
 from wineglass.errors import BadInput, WineglassError
 from wineglass.link.ports import Port
 from wineglass.telemetry import Decoder, Frames, Identity
@@ -83,7 +83,7 @@ class Session:
         try:
             self.command("calibration commit", self.encoder.calibration_commit, len(block))
         except Refused as refused:
-            if refused.reason != 5 or self.calibration() != block:
+            if refused.reason != Reason.LOCKED or self.calibration() != block:
                 raise
 
     def _exchange(self, what: str, build: Callable[..., bytes], arguments: tuple, take: Callable[[Frames], T | None]) -> T:
