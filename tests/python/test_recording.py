@@ -113,6 +113,14 @@ def test_bursts_keep_their_counters_and_snapshots(tmp_path):
         np.testing.assert_array_equal(bursts[0]["primary_adc_raw"], [-1.0, 0.5, -1.0, 0.5])
 
 
+def test_bursts_may_be_hours_apart(tmp_path):
+    form = TapFormat(50000.0, {"primary_adc_raw": ChannelFormat("i2", 2.0**-15)})
+    with RecordingWriter(tmp_path / "run.h5", meta(taps={"raw": form})) as writer:
+        for first_sample in (0, 10**9, 10**12):
+            writer.append("raw", {"primary_adc_raw": np.arange(3)}, first_sample)
+    assert [burst.first_sample for burst in Recording.open(tmp_path / "run.h5").bursts] == [0, 10**9, 10**12]
+
+
 # ---- the file appears whole or not at all -------------------------------------------------------------------------------------
 
 
