@@ -73,7 +73,7 @@ class Scores:
         for i, candidate in enumerate(self.candidates):
             rows[candidate.support].append(i)
         kinds = [[j for j, m in enumerate(self.noise) if m.kind == kind] for kind in CLASSES]
-        return np.array([[logsumexp(self.log_evidence[np.ix_(r, k)]) for k in kinds] for r in rows.values()])
+        return np.array([[logsumexp(self.log_evidence[np.ix_(r, k)]) if k else -np.inf for k in kinds] for r in rows.values()])
 
 
 def score(design: Design, noise: list[NoiseModel], white: float, candidates: list[Candidate], rows: np.ndarray | None = None) -> Scores:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from wineglass.recording import Recording
 
 DEVIATING_STEP = 1.5  # of the usual distance between samples: beyond it samples are missing
+RESTING = 1e-3  # of the true rate's span: closer than that a turn has come to rest
 PAUSE_S = 30.0  # and usual steps: a longer pause is a new power-up or segment, not lost samples
 
 
@@ -97,7 +98,9 @@ def from_recording(path: Path) -> Evidence:
             notes.append(f"taps not used by the rate-level engine: {', '.join(unused)}")
         lost = int(recording.tap("output").lost.sum())
         firmware, device = recording.firmware_version or None, _device_name(recording.device_toml)
-    use = data.valid
+    use = data.valid & _settled(data, true_rate)
+    if not use.all() and use.sum() < data.valid.sum():
+        notes.append(f"{int(data.valid.sum() - use.sum())} samples while the true rate changed, and shortly after, are left out")
     return checked(Evidence(
         source=str(path), sha256=digest, channel=channel, time_s=data.time_s[use], temperature_degc=data.temperature_degc[use],
         rate_rad_s=data.measured[use], true_rate_rad_s=None if true_rate is None else true_rate[use],
@@ -147,6 +150,17 @@ def _open_loop(recording: Recording, base: Base, data: Observations) -> Callable
     gain = np.ones(len(tau)) if closed else base.gain(data.temperature_degc)
     lag = Lag(data.time_s, tau, base.delay_s)
     return lambda values: gain * lag(values / gain)
+
+
+def _settled(data: Observations, lagged_rate: np.ndarray | None) -> np.ndarray:
+    """Samples at which the lagged true rate has come to rest; all, where that leaves too few."""
+    everything = np.ones(len(data.time_s), bool)
+    if lagged_rate is None or not data.rate_moves:
+        return everything
+    still = np.abs(lagged_rate - data.true_rate_rad_s) <= RESTING * np.ptp(data.true_rate_rad_s)
+    moving = np.abs(np.diff(data.true_rate_rad_s, prepend=data.true_rate_rad_s[0])) > RESTING * np.ptp(data.true_rate_rad_s)
+    still &= ~(moving | np.roll(moving, 1) | np.roll(moving, -1))
+    return still if still.sum() > 0.3 * len(still) else everything
 
 
 def _has_force(recording: Recording) -> bool:

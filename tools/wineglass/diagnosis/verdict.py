@@ -16,6 +16,7 @@ from wineglass.diagnosis.rate_level import ENGINE, Analysis
 from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, stage_of
 
 UNIT = "rad/s"
+ATTRIBUTED_LEFT = 0.25  # a single explanation must do better, where what it leaves is no noise
 LEAST_SPAN_DEGC = 5.0
 UNKNOWN_ABOVE = 0.5
 UNKNOWN_LEFT = 0.4  # of the gap: when more than that stays and is no noise, the verdict is unknown
@@ -45,6 +46,8 @@ def decide(found: Analysis) -> Outcome:
         return Outcome("unknown", named[:1])
     if len(named) > 1:
         return Outcome("ambiguous", named)
+    if found.posterior.remainder > 0.5 and found.share_left > ATTRIBUTED_LEFT:
+        return Outcome("unknown", named[:1])
     holding = sum(p for ids, p in probability.items() if set(named[0]) <= set(ids))
     if holding >= SETTLED:
         return Outcome("attributed", named)
@@ -129,7 +132,9 @@ def _effects(found: Analysis, named: list[str], outcome: Outcome, hypotheses: li
             numbers = parameters.describe(found.design, mixture, name)
             share = confidence * _share(found, mixture, holder, name)
         effects.append(EffectFound(id=name, stage=stage_of(name), confidence=min(1.0, confidence), parameters=numbers, share=share))
-    return sorted(effects, key=lambda e: -e.confidence)
+    total = max(1.0, sum(e.share for e in effects))  # rivals explain the same gap: together no more than all of it
+    scaled = [e.model_copy(update={"share": e.share / total}) for e in effects]
+    return sorted(scaled, key=lambda e: -e.confidence)
 
 
 def _share(found: Analysis, mixture: list[bayes.Fit], holder: tuple[str, ...], name: str) -> float:
@@ -153,13 +158,11 @@ def _where(found: Analysis, outcome: Outcome, effects: list[EffectFound]) -> lis
     if not effects:
         return [Where(stage="coupling", component="in_phase", share=1.0, size=before, **common)]
     shares: dict[tuple[str, str], float] = {}
-    total = sum(e.share for e in effects) or 1.0
-    scale = min(1.0, 1.0 / total)
     for effect in effects:
         key = (effect.stage, component_of(effect.id))
-        shares[key] = shares.get(key, 0.0) + effect.share * scale
+        shares[key] = shares.get(key, 0.0) + effect.share
     order = sorted(shares.items(), key=lambda item: -item[1])
-    return [Where(stage=stage, component=component, share=share, size=before * np.sqrt(share), **common) for (stage, component), share in order]
+    return [Where(stage=stage, component=component, share=min(1.0, share), size=before * float(np.sqrt(share)), **common) for (stage, component), share in order]
 
 
 def _region(found: Analysis) -> Region:

@@ -94,7 +94,7 @@ def ambiguity(diagnosis: Diagnosis, found: Analysis) -> str:
     nominal = found.design.matrix[:, list(found.design.statics[0])]
     signals = []
     for name in names:
-        holder = next(tuple(h.ids) for h in diagnosis.hypotheses if name in h.ids)
+        holder = next(tuple(ids) for ids in [*diagnosis.alternatives, *(h.ids for h in diagnosis.hypotheses)] if name in ids)
         mixture = bayes.fits(found.design, found.scores, found.blocks.white_rad_s, holder, np.arange(len(found.blocks)), 0.05)
         signal = parameters.contribution(found.design, mixture, name)
         if nominal.shape[1]:

@@ -12,7 +12,7 @@ from wineglass.report import figures
 
 CHAIN = ("environment", "primary", "coupling", "secondary", "pickoff", "clock", "firmware")
 BESIDE = ("actuation", "temperature")
-SEEN_BY = {"rate_level": {"coupling", "temperature", "environment"}}  # stages that the engine's effects reach
+SEEN_BY = {"rate_level": {"coupling", "temperature"}}  # stages that the engine's effects reach
 
 
 def render(evidence: Evidence, found: Analysis | None, diagnosis: Diagnosis) -> str:
@@ -27,7 +27,7 @@ def render(evidence: Evidence, found: Analysis | None, diagnosis: Diagnosis) -> 
         "ambiguity": figures.ambiguity(diagnosis, found), "branches": figures.branches(found.blocks),
     }
     return environment.get_template("page.html.j2").render(
-        d=diagnosis, pictures=pictures, chain=[_stage(name, diagnosis) for name in CHAIN], beside=[_stage(name, diagnosis) for name in BESIDE],
+        d=diagnosis, pictures=pictures, chain=[_stage(name, diagnosis, evidence) for name in CHAIN], beside=[_stage(name, diagnosis, evidence) for name in BESIDE],
         says={name: entry.says for name, entry in EFFECTS.items()}, samples=len(evidence.time_s),
     )
 
@@ -38,8 +38,8 @@ def _percent(value: float) -> str:
     return f"{100.0 * value:.0f} %"
 
 
-def _stage(name: str, diagnosis: Diagnosis) -> dict[str, object]:
-    assert name in STAGES
+def _stage(name: str, diagnosis: Diagnosis, evidence: Evidence) -> dict[str, object]:
+    seen = set(SEEN_BY.get(diagnosis.provenance.engine, STAGES)) | ({"environment"} if evidence.true_rate_rad_s is not None else set())
     share = sum(w.share for w in diagnosis.where if w.stage == name)
-    return {"name": name, "share": share, "seen": name in SEEN_BY.get(diagnosis.provenance.engine, set(STAGES)),
+    return {"name": name, "share": share, "seen": name in seen,
             "shade": f"{min(1.0, share):.2f}"}
