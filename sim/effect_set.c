@@ -93,6 +93,7 @@ static void switch_on(struct effect_set *set, const struct effect_setting *setti
     set->reading = set->reading || effect->reading;
     set->firmware = set->firmware || effect->firmware;
     set->pickoff = set->pickoff || effect->pickoff;
+    set->lost = set->lost || effect->lost;
     set->averaged = set->averaged || effect->averaged;
 }
 
@@ -170,6 +171,18 @@ double effect_set_reading(const struct effect_set *set, const struct effect_cont
         }
     }
     return degc;
+}
+
+int32_t effect_set_lost(const struct effect_set *set, uint64_t first, uint64_t last)
+{
+    int32_t lost = 0;
+    for (uint32_t i = 0; set->lost && i < set->count; i++) {
+        const struct effect_active *active = &set->active[i];
+        if (active->effect->lost) {
+            lost += active->effect->lost(active->value, first, last);
+        }
+    }
+    return lost;
 }
 
 void effect_set_firmware(const struct effect_set *set, struct gyro_cfg *gyro)

@@ -12,7 +12,7 @@ struct effect_active {
 
 struct effect_set {
     uint32_t count;
-    bool parameters, advance, thermometer, reading, firmware, pickoff, averaged; /* any effect has the hook */
+    bool parameters, advance, thermometer, reading, firmware, pickoff, lost, averaged; /* any effect has the hook */
     struct effect_active active[EFFECT_SET];
 };
 
@@ -45,6 +45,8 @@ void effect_set_advance(struct effect_set *set, const struct effect_context *now
 double effect_set_thermometer(struct effect_set *set, const struct effect_context *now, double degc);
 
 double effect_set_reading(const struct effect_set *set, const struct effect_context *now, double degc, double spread_degc, double noise_degc);
+
+int32_t effect_set_lost(const struct effect_set *set, uint64_t first, uint64_t last);
 
 void effect_set_firmware(const struct effect_set *set, struct gyro_cfg *gyro);
 

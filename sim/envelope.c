@@ -483,6 +483,25 @@ static bool run_step(struct envelope *e, struct envelope_maps *maps, struct span
 
 /* ---- a run ------------------------------------------------------------------------------------------------------------- */
 
+/* Samples that the device misses in the next ticks. */
+static int32_t lost_within(const struct envelope *e, uint32_t ticks)
+{
+    int64_t last = (int64_t)(e->motion.tick + ticks - 1) * (int64_t)e->firmware.slow_samples + PUBLISH_SAMPLES;
+    int64_t first = last - (int64_t)ticks * (int64_t)e->firmware.slow_samples + 1;
+    return e->effects.lost && last > 0 ? effect_set_lost(&e->effects, first > 0 ? (uint64_t)first : 0, (uint64_t)last) : 0;
+}
+
+/* The shell gets ahead of the oscillator, until the phase loop has caught up. Decoupler and rebalance loop live in the oscillator's frame
+ * and come along with it. */
+static void lose_samples(struct envelope *e, int32_t lost)
+{
+    struct envelope_motion *motion = &e->motion;
+    double angle = lost * motion->physics.primary_rad_s * e->firmware.sample_s;
+    motion->phi_rad += angle;
+    motion->tone_rad += angle;
+    motion->careful_until = motion->tick + CAREFUL_TICKS;
+}
+
 /* The step's inputs over one of its ticks: a part of the parabola, a part of the straight line. */
 static struct span part_of(struct span whole, double from, double to)
 {
@@ -504,6 +523,10 @@ static void run_ticks(struct envelope *e, struct span rate, double chamber_end_d
         if (!e->motion.found && time_at(e, (double)e->motion.tick) >= e->firmware.acquisition_s) {
             begin_control(e);
         }
+        int32_t lost = lost_within(e, 1);
+        if (lost != 0) {
+            lose_samples(e, lost);
+        }
         (void)run_step(e, &e->single, part_of(rate, from, to), chamber_start + to * (chamber_end_degc - chamber_start), sum);
     }
     e->single_ticks += ticks;
@@ -518,13 +541,17 @@ static bool event_within(const struct envelope *e)
 
 static bool turns_far(const struct envelope *e)
 {
-    double fastest = larger(fabs(e->motion.physics.detuning_rad_s), ELEMENTARY_TWO_PI * e->firmware.test_hz * 2.0);
+    const struct envelope_physics *physics = &e->motion.physics;
+    double fastest = larger(fabs(physics->detuning_rad_s), ELEMENTARY_TWO_PI * e->firmware.test_hz * 2.0);
+    if (physics->tone_fs != 0.0) {
+        fastest = larger(fastest, 2.0 * fabs(physics->tone_rad_s - physics->primary_rad_s));
+    }
     return fastest * e->coarse.step_s > FARTHEST_TURN_RAD;
 }
 
 static bool smooth(const struct envelope *e)
 {
-    return e->motion.found && e->motion.tick >= e->motion.careful_until && !event_within(e) && !turns_far(e);
+    return lost_within(e, e->cfg.step_ticks) == 0 && e->motion.found && e->motion.tick >= e->motion.careful_until && !event_within(e) && !turns_far(e);
 }
 
 static void save_effects(struct envelope *e)

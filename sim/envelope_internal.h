@@ -44,6 +44,7 @@ struct envelope_physics {
     double force_phase_rad;        /* by which forces lead the velocity, firmware's correction left out */
     double sense_phase_rad;        /* by which the secondary pickoff lags the primary one */
     struct phasor feedthrough;     /* FS per FS of drive level, in the primary's frame */
+    double tone_fs, tone_rad_s;    /* electrical tone on the secondary pickoff */
     double clock_ratio;
 };
 
@@ -78,6 +79,7 @@ struct envelope_motion {
     struct phasor coupling;                  /* into the primary, at the last two ends */
     struct phasor coupling_before;
     double decoupled, removed_rad_s;         /* decoupler's output over e^(j phi); what it removes, as a rate */
+    double tone_rad;                         /* phase of the electrical tone against the oscillator */
     struct envelope_filter_state filter[2];  /* compensated, uncompensated */
     struct envelope_last last;
     uint64_t tick;                           /* slow ticks done */
@@ -134,6 +136,7 @@ struct envelope_step {
     struct span amplitude, level;
     double shift_rad_s;
     double frequency_mean, phi_mean;
+    struct phasor_span leak;                 /* on the secondary pickoff, over e^(j phi) */
     struct phasor_span test, secondary, measured, rebalance; /* measured: z2 over e^(j phi) */
     struct span removed;
     double shell_mean;

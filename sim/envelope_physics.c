@@ -44,6 +44,8 @@ static void take_phases(const struct envelope *e, const struct path_parameters *
     physics->force_phase_rad = w * (sample_s * spare_samples - path->force_delay_s - path->pickoff_delay_s[0]);
     double secondary_later_s = sample_s * electronics->adc_secondary_delay_samples + path->pickoff_delay_s[1] - path->pickoff_delay_s[0];
     physics->sense_phase_rad = w * secondary_later_s;
+    physics->tone_fs = path->tone_fs;
+    physics->tone_rad_s = path->tone_rad_s;
     physics->feedthrough = (struct phasor){0.0, 0.0};
     if (path->drive_feedthrough != 0.0) {
         double lead_samples = e->firmware.loop_delay_samples - electronics->dac_latency_samples - 1.0;

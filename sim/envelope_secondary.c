@@ -67,16 +67,32 @@ static struct phasor_span phasor_span_add(const struct phasor_span *a, const str
     return (struct phasor_span){span_add(a->re, b->re), span_add(a->im, b->im)};
 }
 
-/* Leak of the drive into the pickoff, as part of what is measured. */
 static bool leaks(const struct envelope_step *step)
 {
-    return step->middle.feedthrough.re != 0.0 || step->middle.feedthrough.im != 0.0;
+    return step->middle.feedthrough.re != 0.0 || step->middle.feedthrough.im != 0.0 || step->middle.tone_fs != 0.0;
 }
 
-static struct phasor_span leak(const struct envelope_step *step)
+/* An electrical tone turns against the oscillator. */
+static struct phasor_span tone_course(struct envelope *e, const struct envelope_step *step)
+{
+    struct envelope_motion *motion = &e->motion;
+    double angle = (step->middle.tone_rad_s - step->frequency_mean) * step->step_s;
+    struct phasor start = phasor_scale(phasor_turn(motion->tone_rad), step->middle.tone_fs);
+    struct phasor middle = phasor_scale(phasor_turn(motion->tone_rad + 0.5 * angle), step->middle.tone_fs);
+    struct phasor end = phasor_scale(phasor_turn(motion->tone_rad + angle), step->middle.tone_fs);
+    motion->tone_rad = remainder(motion->tone_rad + angle, 6.283185307179586);
+    return (struct phasor_span){span_through(start.re, middle.re, end.re), span_through(start.im, middle.im, end.im)};
+}
+
+/* What gets into the pickoff besides motion: of the drive, of a tone. */
+static void take_leak(struct envelope *e, struct envelope_step *step)
 {
     const struct phasor by = step->middle.feedthrough;
-    return (struct phasor_span){span_scale(step->level, by.re), span_scale(step->level, by.im)};
+    step->leak = (struct phasor_span){span_scale(step->level, by.re), span_scale(step->level, by.im)};
+    if (step->middle.tone_fs != 0.0) {
+        struct phasor_span tone = tone_course(e, step);
+        step->leak = phasor_span_add(&step->leak, &tone);
+    }
 }
 
 static struct phasor pole_of(const struct envelope_step *step)
@@ -167,8 +183,7 @@ static void measure(struct envelope_step *step)
 {
     step->measured = span_times(sense(step), &step->secondary);
     if (leaks(step)) {
-        struct phasor_span leaked = leak(step);
-        step->measured = phasor_span_add(&step->measured, &leaked);
+        step->measured = phasor_span_add(&step->measured, &step->leak);
     }
 }
 
@@ -267,8 +282,7 @@ static struct phasor_span leak_as_motion(const struct envelope_step *step)
     if (!leaks(step)) {
         return (struct phasor_span){span_of(0.0), span_of(0.0)};
     }
-    struct phasor_span leaked = leak(step);
-    return span_times(phasor_divide((struct phasor){1.0, 0.0}, sense(step)), &leaked);
+    return span_times(phasor_divide((struct phasor){1.0, 0.0}, sense(step)), &step->leak);
 }
 
 /* Input of the loop in terms of x: forcing - pole offset + offset'. */
@@ -435,6 +449,7 @@ static void couple(struct envelope *e, struct envelope_step *step)
 bool envelope_secondary(struct envelope *e, struct envelope_step *step)
 {
     take_test(e, step);
+    take_leak(e, step);
     bool free = is_controlled(e, step) ? run_rebalance(e, step) : run_open(e, step);
     couple(e, step);
     return free;

@@ -209,6 +209,16 @@ static pair through_effects(const struct twin *twin, uint64_t sample, const stru
     return (pair){values[0], values[1]};
 }
 
+/* The device, unless an effect loses the sample: the forces then stay as they are. Or gives it twice. */
+static void call_device(struct twin *twin, uint64_t sample, const int32_t adc[2], int32_t dac[2])
+{
+    int32_t lost = effect_set_lost(&twin->effects, sample, sample);
+    for (int32_t times = 1 - lost; times > 0; times--) {
+        wg_device_sample(twin->device, adc, twin->dac_codes);
+    }
+    memcpy(dac, twin->dac_codes, sizeof twin->dac_codes);
+}
+
 /* Samples first .. end - 1 of the present block. codes: 4 per sample of the block, or NULL. What the loop uses all the time is held in
  * local variables, so that a compiler need not fear that the device changes it. hooked: a constant of the caller. */
 static inline void run_samples_hooked(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes, bool hooked)
@@ -226,7 +236,11 @@ static inline void run_samples_hooked(struct twin *twin, uint32_t first, uint32_
         pair seen = sampling_step(&plan, &twin->map, &twin->history, sample, &motion);
         seen = hooked ? through_effects(twin, sample, &motion, seen) : seen;
         adc_convert(&twin->adc, seen, (pair){noise[0][i], noise[1][i]}, adc, &adc_saturations);
-        wg_device_sample(device, adc, dac);
+        if (hooked) {
+            call_device(twin, sample, adc, dac);
+        } else {
+            wg_device_sample(device, adc, dac);
+        }
         sampling_push_force(&twin->history, sample, dac_convert(&twin->dac, dac, &dac_saturations));
         if (codes) {
             memcpy(codes + 4 * i, adc, sizeof adc);
@@ -247,7 +261,7 @@ static void __attribute__((noinline)) run_samples_with_effects(struct twin *twin
 
 static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
 {
-    if (twin->effects.pickoff) {
+    if (twin->effects.pickoff || twin->effects.lost) {
         run_samples_with_effects(twin, first, end, codes);
     } else {
         run_samples_hooked(twin, first, end, codes, false);

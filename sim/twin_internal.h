@@ -35,6 +35,7 @@ struct twin {
     struct effect_set effects;
     struct effect_context now; /* of the present block's middle */
     int32_t thermometer_code;
+    int32_t dac_codes[2]; /* the device's last ones, while effects may lose samples */
     uint64_t sample;
     uint64_t adc_saturations, dac_saturations;
 };

@@ -91,6 +91,9 @@ struct effect {
     void (*pickoff)(const double *values, const struct effect_context *now, uint64_t sample, const double velocity_fs_s[2],
                     double displacement_fs[2]);
 
+    /* How many of the samples first .. last the device does not get; below zero: gets twice. The sampled twin asks sample by sample. */
+    int32_t (*lost)(const double *values, uint64_t first, uint64_t last);
+
     /* Envelope twin only: the change of parameters that is the same as `pickoff` averaged over the carrier. */
     void (*averaged)(const double *values, const struct effect_context *now, struct plant_parameters *p);
 };

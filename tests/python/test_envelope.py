@@ -106,6 +106,8 @@ CASES: dict[str, tuple[dict, dict]] = {
     "cross stiffness": ({"rate": STEPS, "plant": {"override": {"resonator.quadrature_rad_s": 0.02}}}, {"rate": STEPS}),
     "angular gain": ({"rate": STEPS, "plant": {"override": {"resonator.angular_gain": 1.95}}}, {"rate": STEPS}),
     "pickoff delay": ({"rate": STEPS, "plant": {"override": {"electronics.adc.delay_samples": 0.1}}}, {"rate": STEPS}),
+    "secondary pickoff's delay": ({"rate": STEPS, "plant": {"override": {"electronics.adc.secondary_delay_samples": 0.1}}}, {"rate": STEPS}),
+    "a delay that both know": ({"rate": STEPS, "override": {"electronics.adc.secondary_delay_samples": 0.3}}, {"rate": STEPS}),
     "force delay": ({"rate": STEPS, "plant": {"override": {"electronics.dac.latency_samples": 2}}}, {"rate": STEPS}),
     "weaker drive": ({"plant": {"override": {"electronics.dac.drive_reach": 1.8}}}, {}),
     "amplitude steps": ({"command": [{"at_s": 6, "kind": "amplitude", "set_point_fs": 0.8}, {"at_s": 9, "kind": "amplitude", "set_point_fs": 0.9}]},
