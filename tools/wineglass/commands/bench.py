@@ -14,6 +14,9 @@ LOOPS = {
     "plant_changing": "plant alone, rate and temperature new in every ms",
     "twin_constant": "twin: plant, noise, converters, whole firmware",
     "twin_changing": "the same, rate and temperature new in every ms",
+    "envelope_open": "envelope twin at 50 Hz, open loop; samples it stands for",
+    "envelope_rebalance": "the same, force-to-rebalance",
+    "envelope_effects": "the same, two effects",
 }
 
 
