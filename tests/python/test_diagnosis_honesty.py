@@ -4,8 +4,10 @@ The seeds are fixed here; `WINEGLASS_SEED` adds to them.
 """
 
 import os
+from dataclasses import replace
 
 import diagnosis_synthetic as synthetic
+import numpy as np
 import pytest
 
 from wineglass.diagnosis.rate_level import analyse
@@ -63,10 +65,19 @@ def test_an_effect_out_of_the_catalogue_is_not_replaced_with_confidence():
     assert found.verdict in ("unknown", "ambiguous"), found
 
 
+@pytest.mark.parametrize("error, verdict, named", [
+    (lambda rate, degc: 3e-3 * rate, "ambiguous", {"coriolis_gain", "rate_reference"}),
+    (lambda rate, degc: 3e-5 * rate * (degc - 25.0), "attributed", {"coriolis_gain"})])
+def test_a_constant_gain_may_be_the_tables_a_slope_over_temperature_is_the_gyros(error, verdict, named):
+    still = synthetic.make([], SEED + 71, synthetic.two_cycles)
+    turning = np.array([0.3, -0.3, 0.0])[(still.time_s // 200).astype(int) % 3]
+    evidence = replace(still, true_rate_rad_s=turning, rate_rad_s=still.rate_rad_s + turning + error(turning, still.temperature_degc))
+    found = decide(analyse(evidence))
+    assert found.verdict == verdict and {e for ids in found.named for e in ids} == named, found
+
+
 def test_one_branch_is_insufficient_without_a_calibration():
     whole = synthetic.make([], SEED + 61)
-    from dataclasses import replace
-
     half = slice(1300, 2600)
     rising = replace(whole, time_s=whole.time_s[half], temperature_degc=whole.temperature_degc[half], rate_rad_s=whole.rate_rad_s[half])
     found = analyse(rising)

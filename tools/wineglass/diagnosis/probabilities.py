@@ -73,9 +73,9 @@ def posterior(scores: Scores, left: dict[tuple[str, ...], float], held: dict[tup
     large = float(np.exp(logsumexp(all_rows[:, 1:]) - logsumexp(all_rows)))
     coarsening = 1.0 + REMAINDER_WEIGHT * large
     logs = {ids: value / coarsening for ids, value in logs.items()}
-    logs = _with_imitators(logs, left)
     bare = held[()]
     logs = {ids: value - HELD_OUT_WEIGHT * float(np.log(max(held.get(ids, bare), threshold))) for ids, value in logs.items()}
+    logs = _with_imitators(logs, left)
     total = logsumexp(list(logs.values()))
     table = dict(zip(scores.supports, all_rows))
     best = max((s for s in table if s), key=lambda s: logs[s])

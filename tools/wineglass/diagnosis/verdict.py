@@ -16,7 +16,7 @@ from wineglass.diagnosis.rate_level import ENGINE, Analysis
 from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, stage_of
 
 UNIT = "rad/s"
-ATTRIBUTED_LEFT = 0.25  # a single explanation must do better, where what it leaves is no noise
+ATTRIBUTED_LEFT = 0.15  # a single explanation must do better, where what it leaves is no noise
 LEAST_SPAN_DEGC = 5.0
 UNKNOWN_ABOVE = 0.5
 UNKNOWN_LEFT = 0.4  # of the gap: when more than that stays and is no noise, the verdict is unknown
