@@ -58,6 +58,16 @@ def test_calibration_json(tmp_path, text):
         taken_or_refused(lambda: calibration_block.to_binary(calibration))
 
 
+def test_a_calibration_block_that_asks_for_an_endless_chirp_is_refused_without_computing_its_length():
+    block = bytearray(calibration_block.to_binary(calibration_block.read_json(ROOT / "tests/golden/calibration_block.json")))
+    names = [name for name, _ in calibration_block.LAYOUT]
+    before = struct.calcsize("<" + "".join(code for _, code in calibration_block.LAYOUT[: names.index("chirp_ticks_log2")]))
+    struct.pack_into("<I", block, before, 0x7FFFFFFF)
+    struct.pack_into("<I", block, len(block) - 4, zlib.crc32(bytes(block[:-4])))
+    with pytest.raises(BadInput, match="chirp"):
+        calibration_block.from_binary(bytes(block))
+
+
 @fuzzed
 @given(st.data())
 def test_calibration_block(data):

@@ -408,6 +408,8 @@ def from_binary(block: bytes, source: str = "calibration block") -> Calibration:
         raise BadInput("unknown loop, compensation or output filter", source, "give a block of this version")
     if any(n[f"{name}_order"] > MAX_ORDER for name in _POLYNOMIALS):
         raise BadInput(f"a polynomial's order is beyond {MAX_ORDER}", source, "give a block of this version")
+    if any(n[name] > _RANGES[name][1] for name in ("chirp_ticks_log2", "listen_ticks_log2")):
+        raise BadInput("chirp or listening is longer than the firmware can count", source, "give a block that the firmware takes")
     return make({**_general_si(n), **_temperature_si(n), **_polynomials_si(n), **_tuning_si(n), **_acquisition_si(n),
                  **_loops_si(n), **_monitors_si(n)}, source)
 
