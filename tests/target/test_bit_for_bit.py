@@ -103,7 +103,7 @@ def test_first_wrong_sample_is_named(cold_start, sample):
 
 
 def test_a_wrong_table_entry_on_the_target_is_named(m4, cold_start, tmp_path):
-    """One bit of the sine table in the M4's image is flipped: the chirp's force is the first to see it."""
+    """One bit of the sine table in the M4's image is flipped: lock-in and force see it in the same sample, and the lock-in stands first in the chain."""
     image = bytearray(m4.program().read_bytes())
     table = image.find(struct.pack("<4i", 2**30, 0, 1072448455, 52686014))
     assert table > 0
@@ -113,7 +113,7 @@ def test_a_wrong_table_entry_on_the_target_is_named(m4, cold_start, tmp_path):
     other = dataclasses.replace(m4, emulator=tuple(word.replace("{program}", str(broken)) for word in m4.emulator))
     difference, _ = compare(lambda: HostDevice(cold_start.board, cold_start.block),
                             lambda: StreamDevice(other, cold_start.board, cold_start.block), cold_start.stretches[:600])
-    assert difference is not None and difference.what == "drive_shaper" and difference.sample > 0
+    assert difference is not None and difference.what == "primary_lockin" and difference.sample > 0
 
 
 def test_fields_cover_the_snapshot(cold_start):
