@@ -15,7 +15,7 @@ from wineglass.errors import BadInput
 from wineglass.paths import repository_root
 
 BUILD = Path("build/release")
-PROGRAMS = ("bench_core", "bench_plant", "bench_twin", "bench_envelope")
+PROGRAMS = ("bench_core", "bench_plant", "bench_twin")
 SAMPLE_RATE_HZ = 50_000.0
 
 

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace, console: Console) -> int:
-    from wineglass.bench import kernels, loops
+    from wineglass.bench import envelope, kernels, loops
 
     if args.link is not None:
         return _link(args.link, console)
@@ -35,7 +35,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
             rows.append(row)
             bar.advance()
         loops.build()
-        measured = loops.figures()
+        measured = loops.figures() | envelope.figures()
         bar.advance()
         for row in loops.rows(measured):
             rows.append(row)
