@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from wineglass.calibration_block import from_binary, to_json
 from wineglass.commands_wire import CommandEncoder, Reason
+from wineglass.effects import Setting
 from wineglass.interrupt import interrupt_noted
 from wineglass.recording import RecordingMeta, RecordingWriter, TapFormat, float_format
 from wineglass.scenario import Burst, Run
@@ -56,14 +57,16 @@ class _Listener(Decoder):
         return frames
 
 
-def simulate(run: Run, path: Path, progress: Callable[[int], None] | None = None, *, calibration_block: bytes | None = None) -> Done:
+def simulate(run: Run, path: Path, progress: Callable[[int], None] | None = None, *, calibration_block: bytes | None = None,
+             effects: Sequence[Setting] = ()) -> Done:
     """Run a scenario and write the recording; memory does not grow with its length. progress(blocks done since the last call).
+    effects: switched on beside what the scenario says; the recording does not name them.
 
     Ctrl-C ends the run early and leaves a valid recording of what was done; any other trouble leaves no file.
     """
     begin = time.monotonic()
     listener = _Listener()
-    with Twin(run, calibration_block=calibration_block) as twin:
+    with Twin(run, calibration_block=calibration_block, effects=effects) as twin:
         first = start(twin)
         with RecordingWriter(path, _meta(run, twin, first)) as writer, interrupt_noted() as interrupted:
             recorder, references = TelemetryRecorder(writer, listener), _References(run, writer)
