@@ -105,6 +105,7 @@ def _meta(run: Run, twin: Twin, first: bytes) -> RecordingMeta:
         calibration_json=to_json(from_binary(block)) if block else "",
         calibration_block=block,
         firmware_version=identity.firmware_version,
+        calibration_crc=identity.calibration_crc if block else None,
         source=f"simulated: scenario {scenario.name or '(unnamed)'}, device {run.device.name}, seed {scenario.seed}",
     )
 
@@ -112,8 +113,10 @@ def _meta(run: Run, twin: Twin, first: bytes) -> RecordingMeta:
 def _note_events(run: Run, writer: RecordingWriter) -> None:
     rate_hz = run.device.electronics.sample_rate_hz
     scenario = run.scenario
-    segments = [(time_s, "segment", what) for what, profile in (("temperature", scenario.temperature), ("rate", scenario.rate))
-                for time_s in profile.boundaries_s if 0 < time_s < scenario.duration_s]
+    segments = [(segment.begin_s, "segment", segment.name) for segment in scenario.segment if segment.begin_s < scenario.duration_s]
+    if not segments:
+        segments = [(time_s, "segment", what) for what, profile in (("temperature", scenario.temperature), ("rate", scenario.rate))
+                    for time_s in profile.boundaries_s if 0 < time_s < scenario.duration_s]
     commands = [(command.at_s, "command", command.note()) for command in scenario.command]
     writer.event("scenario", scenario.model_dump_json(exclude_none=True), sample=0)
     for time_s, kind, what in sorted(segments + commands):

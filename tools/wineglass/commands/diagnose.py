@@ -23,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="tables: column to use as time, temperature, rate or true_rate; may be repeated")
     parser.add_argument("--unit", action="append", default=[], metavar="COLUMN=UNIT", help="tables: unit of a column, where the header has none")
     parser.add_argument("--drop-rows", default="", metavar="0,1,5-9", help="tables: data rows to leave out, counted from 0")
+    parser.add_argument("--device", metavar="NAME|D.toml", help="what the gyro nominally is; left out: the description in the recording")
     parser.add_argument("--json", type=Path, metavar="F.json", help="file for the diagnosis as JSON")
     parser.add_argument("--report", type=Path, metavar="F.html", help="file for the report, one HTML page that needs nothing else")
 
@@ -69,7 +70,7 @@ def _evidence(args: argparse.Namespace) -> Evidence:
         return from_csv(args.recording, columns, units, rows)
     if columns or units or rows:
         raise BadInput("a recording knows its channels and units", args.recording, "leave --column, --unit and --drop-rows away")
-    return from_recording(args.recording)
+    return from_recording(args.recording, args.device)
 
 
 def _page(args: argparse.Namespace, evidence: Evidence, found, diagnosis: Diagnosis) -> str:  # noqa: ANN001 - Analysis or None

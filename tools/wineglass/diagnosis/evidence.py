@@ -80,12 +80,16 @@ def from_csv(path: Path, columns: dict[str, str], unit_of: dict[str, str], drop_
     ))
 
 
-def from_recording(path: Path) -> Evidence:
+def from_recording(path: Path, device: str | None = None) -> Evidence:
+    """device: name or path of the description, None: the one in the recording."""
     from wineglass.calibration.observations import observe
+    from wineglass.diagnosis import soundness
     from wineglass.recording import Recording
 
     digest = file_hash(path)
-    with Recording.open(path) as recording:
+    with Recording.open(path, tolerant=True) as recording:
+        known = soundness.described(recording, device)
+        damage = soundness.check(recording, known)
         if "output" not in recording:
             raise BadInput("the recording has no tap output", path, "the rate-level diagnosis needs its temperature_measured and rate")
         channel = "rate_uncompensated" if "rate_uncompensated" in recording.tap("output") else "rate"
@@ -97,15 +101,15 @@ def from_recording(path: Path) -> Evidence:
         if unused:
             notes.append(f"taps not used by the rate-level engine: {', '.join(unused)}")
         lost = int(recording.tap("output").lost.sum())
-        firmware, device = recording.firmware_version or None, _device_name(recording.device_toml)
+        firmware = recording.firmware_version or None
     use = data.valid & _settled(data, true_rate)
     if not use.all() and use.sum() < data.valid.sum():
         notes.append(f"{int(data.valid.sum() - use.sum())} samples while the true rate changed, and shortly after, are left out")
     return checked(Evidence(
         source=str(path), sha256=digest, channel=channel, time_s=data.time_s[use], temperature_degc=data.temperature_degc[use],
         rate_rad_s=data.measured[use], true_rate_rad_s=None if true_rate is None else true_rate[use],
-        bias_rad_s=None if bias is None else bias[use], bias_slope=None if slope is None else slope[use], lost=lost, device=device,
-        firmware=firmware, notes=tuple(notes),
+        bias_rad_s=None if bias is None else bias[use], bias_slope=None if slope is None else slope[use], lost=lost,
+        device=None if known is None else known.name, firmware=firmware, notes=(*damage, *notes),
     ))
 
 
@@ -165,15 +169,6 @@ def _settled(data: Observations, lagged_rate: np.ndarray | None) -> np.ndarray:
 
 def _has_force(recording: Recording) -> bool:
     return "baseband" in recording and "rebalance_in_phase" in recording.tap("baseband")
-
-
-def _device_name(text: str) -> str | None:
-    import tomllib
-
-    try:
-        return tomllib.loads(text).get("name") if text else None
-    except tomllib.TOMLDecodeError:
-        return None
 
 
 def missing_samples(time_s: np.ndarray) -> int:

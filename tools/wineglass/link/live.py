@@ -119,6 +119,7 @@ def _meta(port: Port, identity: Identity, block: bytes, options: LiveOptions) ->
     return RecordingMeta(
         counter_rate_hz=identity.sample_rate_hz, device_toml=options.device_toml, calibration_block=block,
         calibration_json=to_json(from_binary(block, port.name)) if block else "", firmware_version=identity.firmware_version,
+        calibration_crc=identity.calibration_crc if block else None,
         source=f"recorded from {port.name}: device {identity.device_name or '(unnamed)'}, unique id {identity.unique_id:016x}",
     )
 

@@ -13,6 +13,7 @@ VERSION_ATTRIBUTE = "format_version"
 COUNTER_RATE = "counter_rate_hz"
 FIRMWARE_VERSION = "firmware_version"
 SOURCE = "source"
+CALIBRATION_CRC = "calibration_crc"
 
 # root datasets
 DEVICE = "device_toml"

@@ -27,6 +27,7 @@ class RecordingMeta:
     """What describes a whole recording.
 
     counter_rate_hz: rate of the common sample counter (the ADC rate of a device; the row rate of an imported table)
+    calibration_crc: of the calibration in force, as the device itself reports it; None: not known
     """
 
     counter_rate_hz: float
@@ -35,6 +36,7 @@ class RecordingMeta:
     calibration_block: bytes = b""
     firmware_version: str = ""
     source: str = ""
+    calibration_crc: int | None = None
     taps: dict[str, TapFormat] = field(default_factory=dict)
 
 

@@ -38,6 +38,8 @@ class Tap:
     state_snapshot: bytes
     _group: h5py.Group
     _path: str
+    tolerant: bool = False
+    """pieces of the file that cannot be read count as lost samples instead of being refused"""
     _cache: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -57,14 +59,23 @@ class Tap:
     def codes(self, channel: str) -> np.ndarray:
         """Codes (n,) as stored; at lost samples they mean nothing."""
         self._require(channel)
-        return _read(self._group[channel], self._path)
+        return _read(self._group[channel], self._path, self.tolerant)
 
     @cached_property
     def lost(self) -> np.ndarray:
-        """Mask (n,) bool, true where the sample was lost."""
+        """Mask (n,) bool, true where the sample was lost, or where the file is damaged."""
         if layout.LOST not in self._group:
-            return np.zeros(self.length, bool)
-        return _read(self._group[layout.LOST], self._path).astype(bool)
+            return self.damaged
+        return _read(self._group[layout.LOST], self._path, self.tolerant).astype(bool) | self.damaged
+
+    @cached_property
+    def damaged(self) -> np.ndarray:
+        """Mask (n,) bool, true where the file cannot be read; all false in a recording that was not opened as `tolerant`."""
+        mask = np.zeros(self.length, bool)
+        for name in (*self.channels, layout.LOST) if self.tolerant else ():
+            if name in self._group:
+                mask |= _unreadable(self._group[name])
+        return mask
 
     @cached_property
     def valid(self) -> np.ndarray:
@@ -85,7 +96,7 @@ class Tap:
 
     def _values(self, channel: str) -> np.ndarray:
         self._require(channel)
-        return _to_values(self._group[channel], _read(self._group[channel], self._path))
+        return _to_values(self._group[channel], _read(self._group[channel], self._path, self.tolerant))
 
     def _require(self, channel: str) -> None:
         if channel not in self.channels:
@@ -105,15 +116,17 @@ class Recording:
     device_toml: str
     calibration_json: str
     calibration_block: bytes
+    calibration_crc: int | None
+    """of the calibration in force, as the device reported it"""
     events: list[Event]
     taps: dict[str, Tap]
     bursts: list[Tap]
     _file: h5py.File
 
     @staticmethod
-    def open(path: str | os.PathLike[str]) -> Recording:
-        """Open and check; whatever is wrong raises BadInput."""
-        return _open(Path(path))
+    def open(path: str | os.PathLike[str], *, tolerant: bool = False) -> Recording:
+        """Open and check; whatever is wrong raises BadInput. tolerant: pieces of the file that cannot be read become lost samples."""
+        return _open(Path(path), tolerant)
 
     def tap(self, name: str) -> Tap:
         if name not in self.taps:
@@ -134,11 +147,11 @@ class Recording:
         self.close()
 
 
-def _open(path: Path) -> Recording:
+def _open(path: Path, tolerant: bool) -> Recording:
     where = str(path)
     file = _open_file(path)
     try:
-        return _read_root(file, where)
+        return _read_root(file, where, tolerant)
     except BadInput:
         file.close()
         raise
@@ -163,7 +176,7 @@ def _open_file(path: Path) -> h5py.File:
         raise BadInput("not an HDF5 file", str(path), "give a recording, or import a table: wineglass import FILE.csv") from error
 
 
-def _read_root(file: h5py.File, where: str) -> Recording:
+def _read_root(file: h5py.File, where: str, tolerant: bool) -> Recording:
     if text(file.attrs, layout.FORMAT_ATTRIBUTE, where, default="") != layout.FORMAT:
         raise BadInput("HDF5, but not a wineglass recording", where, f"its attribute {layout.FORMAT_ATTRIBUTE} must be {layout.FORMAT}")
     version = integer(file.attrs, layout.VERSION_ATTRIBUTE, where)
@@ -171,11 +184,11 @@ def _read_root(file: h5py.File, where: str) -> Recording:
         raise BadInput(f"recording format version {version} is unknown", where, f"this program reads version {layout.VERSION}")
     counter_rate_hz = _counter_rate(file, where)
     taps = {
-        name: _read_tap(file[name], name, name, counter_rate_hz, where)
+        name: _read_tap(file[name], name, name, counter_rate_hz, where, tolerant)
         for name in table.TAPS
         if name != layout.RAW and isinstance(file.get(name), h5py.Group)
     }
-    bursts = _read_bursts(file, counter_rate_hz, where)
+    bursts = _read_bursts(file, counter_rate_hz, where, tolerant)
     if not taps and not bursts:
         raise BadInput("the recording holds no tap", where, f"one of the groups {', '.join(table.TAPS)} is needed")
     return Recording(
@@ -187,6 +200,7 @@ def _read_root(file: h5py.File, where: str) -> Recording:
         device_toml=whole_text(file, layout.DEVICE, where),
         calibration_json=whole_text(file, layout.CALIBRATION_JSON, where),
         calibration_block=_bytes(file, layout.CALIBRATION_BLOCK),
+        calibration_crc=integer(file.attrs, layout.CALIBRATION_CRC, where) if layout.CALIBRATION_CRC in file.attrs else None,
         events=_read_events(file, where),
         taps=taps,
         bursts=bursts,
@@ -208,12 +222,12 @@ def _counter_rate(file: h5py.File, where: str) -> float:
     return rate
 
 
-def _read_bursts(file: h5py.File, counter_rate_hz: float, where: str) -> list[Tap]:
+def _read_bursts(file: h5py.File, counter_rate_hz: float, where: str, tolerant: bool) -> list[Tap]:
     raw = file.get(layout.RAW)
     if not isinstance(raw, h5py.Group):
         return []
     names = sorted(name for name in raw if name.startswith(layout.BURST_PREFIX) and isinstance(raw[name], h5py.Group))
-    bursts = [_read_tap(raw[name], layout.RAW, f"{layout.RAW}/{name}", counter_rate_hz, where) for name in names]
+    bursts = [_read_tap(raw[name], layout.RAW, f"{layout.RAW}/{name}", counter_rate_hz, where, tolerant) for name in names]
     for before, after in zip(bursts, bursts[1:]):
         end = before.first_sample + before.length * counter_rate_hz / before.sample_rate_hz
         if after.first_sample < end - 0.5:
@@ -222,7 +236,7 @@ def _read_bursts(file: h5py.File, counter_rate_hz: float, where: str) -> list[Ta
     return bursts
 
 
-def _read_tap(group: h5py.Group, tap: str, name: str, counter_rate_hz: float, where: str) -> Tap:
+def _read_tap(group: h5py.Group, tap: str, name: str, counter_rate_hz: float, where: str, tolerant: bool) -> Tap:
     place = f"{where}, group {name}"
     rate = number(group.attrs, layout.SAMPLE_RATE, place)
     if not rate > 0:
@@ -237,7 +251,7 @@ def _read_tap(group: h5py.Group, tap: str, name: str, counter_rate_hz: float, wh
     units_of = {key: _check_channel(group[key], table.find(tap, key), place) for key in known}
     lost = _check_lost(group, length, place)
     for key in known:
-        _check_values(group[key], key, lost, place)
+        _check_values(group[key], key, lost, place, tolerant)
     ignored = [key for key in group if key not in known and key not in (layout.LOST, layout.SNAPSHOT)]
     return Tap(
         name=name,
@@ -250,6 +264,7 @@ def _read_tap(group: h5py.Group, tap: str, name: str, counter_rate_hz: float, wh
         state_snapshot=_bytes(group, layout.SNAPSHOT),
         _group=group,
         _path=place,
+        tolerant=tolerant,
     )
 
 
@@ -295,14 +310,16 @@ def _check_lost(group: h5py.Group, length: int, place: str) -> h5py.Dataset | No
     return lost
 
 
-def _check_values(dataset: h5py.Dataset, name: str, lost: h5py.Dataset | None, place: str) -> None:
+def _check_values(dataset: h5py.Dataset, name: str, lost: h5py.Dataset | None, place: str, tolerant: bool) -> None:
     """No NaN or infinity outside lost samples, no temperature below absolute zero, time strictly rising. Piece by piece."""
     is_temperature = units.find(whole_unit(dataset)).dimension == "temperature"
     if dataset.dtype.kind in "iu" and not is_temperature and name != table.TIME.name:
         return
-    flat_lost = None if lost is None else _read(lost, place).astype(bool)
+    flat_lost = None if lost is None else _read(lost, place, tolerant).astype(bool)
+    if tolerant and name != table.TIME.name and (damaged := _unreadable(dataset)).any():
+        flat_lost = damaged if flat_lost is None else flat_lost | damaged
     last = -np.inf
-    flat = _read(dataset, place)
+    flat = _read(dataset, place, tolerant and name != table.TIME.name)
     for start in range(0, len(flat), _PIECE):
         values = _to_values(dataset, flat[start : start + _PIECE])
         wrong = ~np.isfinite(values)
@@ -347,12 +364,34 @@ def _bytes(group: h5py.Group, name: str) -> bytes:
     return value if isinstance(value, bytes) else np.asarray(value, np.uint8).tobytes()
 
 
-def _read(dataset: h5py.Dataset, place: str) -> np.ndarray:
-    """All values as one row (n,), whatever way round the writer stored them."""
+def _read(dataset: h5py.Dataset, place: str, tolerant: bool = False) -> np.ndarray:
+    """All values as one row (n,), whatever way round the writer stored them. tolerant: zeros where the file is damaged."""
     try:
         return np.ravel(dataset[()])
     except OSError as error:
+        if tolerant and dataset.chunks is not None and not _unreadable(dataset).all():
+            return _readable(dataset)[0]
         raise BadInput(f"{dataset.name} cannot be read", place, "the recording is damaged: record or copy it again") from error
+
+
+def _unreadable(dataset: h5py.Dataset) -> np.ndarray:
+    """Mask (n,) of the values that the file no longer gives."""
+    try:
+        dataset[()]
+        return np.zeros(dataset.size, bool)
+    except OSError:
+        return np.ones(dataset.size, bool) if dataset.chunks is None else _readable(dataset)[1]
+
+
+def _readable(dataset: h5py.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Chunk by chunk: values, zero where they cannot be read, and the mask of those."""
+    values, damaged = np.zeros(dataset.shape, dataset.dtype), np.zeros(dataset.shape, bool)
+    for piece in dataset.iter_chunks():
+        try:
+            values[piece] = dataset[piece]
+        except OSError:
+            damaged[piece] = True
+    return values.ravel(), damaged.ravel()
 
 
 def _to_values(dataset: h5py.Dataset, codes: np.ndarray) -> np.ndarray:

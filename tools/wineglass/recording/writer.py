@@ -108,6 +108,8 @@ class RecordingWriter:
         file.attrs[layout.COUNTER_RATE] = float(meta.counter_rate_hz)
         file.attrs[layout.FIRMWARE_VERSION] = meta.firmware_version
         file.attrs[layout.SOURCE] = meta.source
+        if meta.calibration_crc is not None:
+            file.attrs[layout.CALIBRATION_CRC] = np.uint32(meta.calibration_crc)
         file[layout.DEVICE] = meta.device_toml
         file[layout.CALIBRATION_JSON] = meta.calibration_json
         file[layout.CALIBRATION_BLOCK] = np.frombuffer(meta.calibration_block, np.uint8)
