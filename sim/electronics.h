@@ -15,9 +15,9 @@ struct electronics_cfg {
     uint32_t dac_bits;           /* 8..32; 16; the firmware delivers codes of this width */
     double adc_noise_rms_fs[2];  /* FS rms; 2.236e-5 (90 dB); white Gaussian before quantisation */
     double adc_offset_fs[2];     /* FS; 0 */
-    double adc_delay_samples;    /* samples, 0..7; 0; the code of instant t holds the displacement of t - delay */
-    double adc_secondary_delay_samples; /* samples, 0..7; 0; what the secondary channel is later than the primary */
-    double dac_latency_samples;  /* samples, 0..7; 1; the code computed at sample n acts from n + latency for one sample */
+    double adc_delay_samples;    /* samples, 0..24; 0; the code of instant t holds the displacement of t - delay */
+    double adc_secondary_delay_samples; /* samples, 0..24; 0; what the secondary channel is later than the primary */
+    double dac_latency_samples;  /* samples, 0..24; 1; the code computed at sample n acts from n + latency for one sample */
 };
 /* cdef end */
 

@@ -8,7 +8,7 @@
 
 #include "sim/resonator.h"
 
-#define SAMPLING_HISTORY 16 /* more than the longest latency, 7 samples, plus 2 */
+#define SAMPLING_HISTORY 64 /* more than the longest latency, 24 samples and what an effect adds, plus 2 */
 
 /* What an effect may change from block to block; all in samples. */
 struct sampling_delays {

@@ -4,7 +4,7 @@
 
 #include "sim/twin_internal.h"
 
-#define LONGEST_DELAY_SAMPLES 7.0
+#define LONGEST_DELAY_SAMPLES 24.0
 #define LARGEST_BLOCK 65536u
 #define LARGEST_DEGC 10000.0
 

@@ -74,7 +74,7 @@ static const struct calibration_field fields[] = {
     SIGNED(gyro.rebalance.integral_q24, 0, REBALANCE_INTEGRAL_MAX_Q24),
     SIGNED(gyro.rebalance.in_phase_limit_q31, 0, DRIVE_MAX_Q31),
     SIGNED(gyro.rebalance.quadrature_limit_q31, 0, DRIVE_MAX_Q31),
-    UNSIGNED(gyro.loop_delay_samples_q16, 0, 16 * 65536 - 1),
+    UNSIGNED(gyro.loop_delay_samples_q16, 0, LOOP_DELAY_MAX_SAMPLES * 65536 - 1),
     SIGNED(gyro.monitor.phase_limit_i32, 1, INT32_C(1) << 30),
     SIGNED(gyro.monitor.amplitude_limit_q30, 1, FRACTION_Q30(2)),
     UNSIGNED(gyro.monitor.hold_ticks, 1, 1000000),

@@ -23,6 +23,9 @@
 #define PHASE_STEP_MIN_I32 (INT64_C(1) << 23) /* 0.012 rad */
 #define PHASE_STEP_MAX_I32 (INT64_C(1) << 28) /* 0.39 rad: the drive level rises by 8 % */
 
+/* An audio codec's filters take 12 samples in and 10 out. Beyond 64 samples the sum of all delays would leave rebalance_check.c's range. */
+#define LOOP_DELAY_MAX_SAMPLES INT64_C(64)
+
 #define AMPLITUDE_MIN_Q30 (INT64_C(1) << 25)  /* 1/32 of full scale: rate needs a primary above 1/64 */
 #define AMPLITUDE_MAX_Q30 INT64_C(1052266988) /* 0.98: room for the overshoot */
 #define DRIVE_MAX_Q31     INT64_C(2147268900) /* 0.9999: the force must not leave 32 bit, see core/gyro.c */

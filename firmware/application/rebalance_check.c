@@ -16,7 +16,7 @@ bool rebalance_is_described(const struct gyro_cfg *gyro)
            gyro->rebalance_scale_rad_s_q28.coef[0] > 0;
 }
 
-/* (N - 1) + 4 + (N - 1)/2 + loop delay. Range: N <= 32, loop delay < 16 samples: below 2^23. */
+/* (N - 1) + 4 + (N - 1)/2 + loop delay. Range: N <= 32, loop delay < 64 samples: below 2^23. */
 static int64_t delay_samples_q16(const struct gyro_cfg *gyro)
 {
     return (3 * (int64_t)gyro->lockin.decimation + 5) * 32768 + gyro->loop_delay_samples_q16;

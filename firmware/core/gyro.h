@@ -75,7 +75,7 @@ struct gyro_cfg {
     struct drive_loop_cfg drive;
     struct rebalance_cfg rebalance;
     struct test_signal_cfg test_signal;
-    uint32_t loop_delay_samples_q16; /* ADC delay + computation + DAC hold: the drive leads by this much; < 16 samples */
+    uint32_t loop_delay_samples_q16; /* ADC delay + computation + DAC hold: the drive leads by this much; < 64 samples */
     struct gyro_thermometer_cfg thermometer;
     struct thermal_polynomial bias_rad_s_q31;
     struct thermal_polynomial scale_rad_s_q28; /* rad/s per unit of secondary over primary amplitude, open loop */

@@ -97,7 +97,7 @@ FINITE = {"allow_nan": False, "allow_infinity": False}
     ratio=st.floats(0.5, 1.5, **FINITE), reference=st.floats(-50.0, 80.0, **FINITE), lsb=st.floats(1e-6, 0.03, **FINITE),
     bias=st.lists(st.floats(-1e-3, 1e-3, **FINITE).map(lambda v: v / 100), min_size=1, max_size=6),
     kp=st.floats(1.0, 500.0, **FINITE), ki=st.floats(0.0, 1e5, **FINITE), amplitude=st.floats(0.05, 0.95, **FINITE),
-    limit=st.floats(1e-4, 0.4, **FINITE), delay=st.floats(0.0, 15.9, **FINITE), decimation=st.integers(8, 32),
+    limit=st.floats(1e-4, 0.4, **FINITE), delay=st.floats(0.0, 63.9, **FINITE), decimation=st.integers(8, 32),
     code=st.integers(-(2**31), 2**31 - 1),
 )
 def test_round_trip_of_any_calibration(frequency, rate, gain, ratio, reference, lsb, bias, kp, ki, amplitude, limit, delay,

@@ -87,7 +87,7 @@ class Calibration(Section):
     rebalance_ki_per_s: float = quantity(0.0, "FS/FS/s", "rebalance loop, integral", ge=0.0)
     rebalance_in_phase_limit_fs: float = quantity(0.0, "FS", "largest in-phase rebalance force", ge=0.0, le=_DRIVE_MAX_Q31 / 2**31)
     rebalance_quadrature_limit_fs: float = quantity(0.0, "FS", "largest quadrature force", ge=0.0, le=_DRIVE_MAX_Q31 / 2**31)
-    loop_delay_samples: float = quantity(..., "samples", "ADC delay, computation and DAC hold", ge=0.0, lt=16.0)
+    loop_delay_samples: float = quantity(..., "samples", "ADC delay, computation and DAC hold", ge=0.0, lt=64.0)
     lock_phase_limit_deg: float = quantity(..., "deg", "phase error within which the loop counts as locked", gt=0.0, le=90.0)
     lock_amplitude_limit: float = quantity(..., "1", "amplitude error within which it does, of the set-point", gt=0.0, le=0.51)
     lock_hold_s: float = quantity(..., "s", "time within limits before the loop counts as locked", gt=0.0)
@@ -237,7 +237,7 @@ _RANGES = {
     "agc_integral_q24": (0, 64 * 2**24), "rebalance_integral_q24": (0, 64 * 2**24), "coupling_gain_q44": (1, 2**31 - 1), "angular_gain_q24": (1, 4 * 2**24),
     "thermometer_gain_degc_q36": (1, 2**31 - 1), "shift_min_q20": (-(2**27), 2**27), "shift_max_q20": (-(2**27), 2**27),
     "phase_limit_i32": (1, 2**30), "amplitude_limit_q30": (1, 2**29), "drive_max_q31": (1, _DRIVE_MAX_Q31),
-    "amplitude_q30": (2**25, _AMPLITUDE_MAX_Q30), "loop_delay_samples_q16": (0, 16 * 2**16 - 1),
+    "amplitude_q30": (2**25, _AMPLITUDE_MAX_Q30), "loop_delay_samples_q16": (0, 64 * 2**16 - 1),
 }
 _WIDTHS = {"i": (-(2**31), 2**31 - 1), "I": (0, _U32), "H": (0, 65535), "q": (-(2**63), 2**63 - 1), "Q": (0, 2**64 - 1)}
 

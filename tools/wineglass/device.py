@@ -79,6 +79,7 @@ class Thermal(Section):
 
     shell_time_constant_s: float = quantity(60.0, "s", "shell follows the chamber with this lag", ge=0, le=1e5)
     thermometer_lag_s: float = quantity(0.0, "s", "thermometer follows the shell with this lag", ge=0, le=1e5)
+    protocol_unit_s: float = quantity(0.0, "s", "unit of time of bench protocols; 0: the shell's time constant", ge=0, le=1e5)
     temperature_min_degc: float = quantity(-45.0, "degC", "least temperature of the device; calibration holds from here ...", ge=-100, le=200)
     temperature_max_degc: float = quantity(85.0, "degC", "... to here", ge=-100, le=200)
 
@@ -90,8 +91,8 @@ class Adc(Section):
     snr_db: float = quantity(90.0, "dB", "full-scale sine over the noise in half the sample rate; 0: no noise", ge=0, le=200)
     primary_offset_fs: float = quantity(0.0, "FS", "offset of the primary channel", ge=-0.1, le=0.1)
     secondary_offset_fs: float = quantity(0.0, "FS", "offset of the secondary channel", ge=-0.1, le=0.1)
-    delay_samples: float = quantity(0.0, "sample", "conversion delay of both channels", ge=0, le=7)
-    secondary_delay_samples: float = quantity(0.0, "sample", "what the secondary channel is later than the primary", ge=0, le=7)
+    delay_samples: float = quantity(0.0, "sample", "conversion delay of both channels", ge=0, le=24)
+    secondary_delay_samples: float = quantity(0.0, "sample", "what the secondary channel is later than the primary", ge=0, le=24)
 
     @property
     def noise_fs_rms(self) -> float:
@@ -103,7 +104,7 @@ class Dac(Section):
     """Both force converters. A code computed at sample n acts during [n + latency, n + latency + 1)."""
 
     bits: int = quantity(16, "bit", "resolution", ge=8, le=32)
-    latency_samples: int = quantity(1, "sample", "from the pickoff sample to the start of its force", ge=0, le=7)
+    latency_samples: int = quantity(1, "sample", "from the pickoff sample to the start of its force", ge=0, le=24)
     drive_reach: float = quantity(2.0, "1", "full drive force over the force that holds the amplitude at T0", ge=1.1, le=100)
     rebalance_reach: float = quantity(2.6, "1", "full rebalance force over the same holding force", gt=0, le=100)
 
