@@ -13,6 +13,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from wineglass import paths, toml_text
+from wineglass.effect_table import EffectTable
+from wineglass.effects import Setting
 from wineglass.errors import BadInput
 from wineglass.fields import Section, quantity, validate
 
@@ -79,7 +81,7 @@ class Thermal(Section):
 
     shell_time_constant_s: float = quantity(60.0, "s", "shell follows the chamber with this lag", ge=0, le=1e5)
     thermometer_lag_s: float = quantity(0.0, "s", "thermometer follows the shell with this lag", ge=0, le=1e5)
-    protocol_unit_s: float = quantity(0.0, "s", "unit of time of bench protocols; 0: the shell's time constant", ge=0, le=1e5)
+    protocol_unit: float = quantity(1.0, "1", "unit of time of bench protocols, of the shell's time constant", ge=0.01, le=100)
     temperature_min_degc: float = quantity(-45.0, "degC", "least temperature of the device; calibration holds from here ...", ge=-100, le=200)
     temperature_max_degc: float = quantity(85.0, "degC", "... to here", ge=-100, le=200)
 
@@ -177,6 +179,13 @@ class Device(Section):
     tolerance: dict[str, Tolerance] = Field(default_factory=dict, description="which nominal values are uncertain, and how much",
                                             json_schema_extra={"unit": ""})
     noise_floor: NoiseFloor = Field(default_factory=NoiseFloor)
+    effect: list[EffectTable] = quantity([], "tables", "in which ways of the catalogue it differs from its nominal fields: id and parameters; "
+                                         "the nominal calibration does not know of them")
+
+    @property
+    def effects(self) -> list[Setting]:
+        """What the twins switch on beside the fields."""
+        return [table.setting for table in self.effect]
 
     @property
     def slow_rate_hz(self) -> float:

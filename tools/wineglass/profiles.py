@@ -298,7 +298,25 @@ class TableRate(_Rate):
         return self.knots.slope_over(start_s, end_s)
 
 
-Rate = Annotated[ConstantRate | SineRate | StepRate | ChirpRate | TableRate, Field(discriminator="kind")]
+class SumRate(_Rate):
+    """Several profiles at once: steps here, a chirp there."""
+
+    kind: Literal["sum"] = "sum"
+    parts: list[Annotated[ConstantRate | SineRate | StepRate | ChirpRate | TableRate, Field(discriminator="kind")]] = quantity(
+        ..., "", "profiles whose rates add up", min_length=1)
+
+    @property
+    def boundaries_s(self) -> list[float]:
+        return sorted({time for part in self.parts for time in part.boundaries_s})
+
+    def at(self, t_s: np.ndarray) -> np.ndarray:
+        return np.sum([part.at(t_s) for part in self.parts], axis=0)
+
+    def slope_over(self, start_s: np.ndarray, end_s: np.ndarray) -> np.ndarray:
+        return np.sum([part.slope_over(start_s, end_s) for part in self.parts], axis=0)
+
+
+Rate = Annotated[ConstantRate | SineRate | StepRate | ChirpRate | TableRate | SumRate, Field(discriminator="kind")]
 
 
 def _check_edges(times_s: list[float], edge_s: float) -> None:

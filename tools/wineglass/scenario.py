@@ -53,6 +53,15 @@ class Plant(Section):
     override: dict[str, Any] = quantity({}, "", "fields of the device that differ in truth only, by dotted name")
 
 
+class Segment(Section):
+    """A named stretch of the run, for the recording's events."""
+
+    name: str = quantity(..., "", "what it is called", min_length=1)
+    begin_s: float = quantity(..., "s", "when it begins", ge=0)
+    end_s: float = quantity(..., "s", "when it ends", gt=0)
+    what: str = quantity("", "", "what happens in it")
+
+
 class Scenario(Section):
     """One run."""
 
@@ -66,6 +75,7 @@ class Scenario(Section):
     rate: Rate = Field(default_factory=ConstantRate, description="rate profile")
     mode: Mode = Field(default_factory=Mode)
     recording: Recording = Field(default_factory=Recording)
+    segment: list[Segment] = quantity([], "", "named stretches; none: the profiles' knots are the boundaries in the recording")
     command: list[AnyCommand] = quantity([], "", "what is asked of the device while it runs: at_s, kind, and the kind's fields")
     calibration: str = quantity("nominal", "", "nominal: bias is the described cross damping; zero_rate: bias is the whole output at zero "
                                 "rate, split included, as a sweep would find it; none: the firmware's default; or a path (.json, .bin)")
