@@ -51,6 +51,11 @@ class Setting:
     id: str
     values: dict[str, float] = field(default_factory=dict)
 
+    def __str__(self) -> str:
+        """As `parse` reads it: ID:param=value,param=value"""
+        values = ",".join(f"{name}={value:g}" for name, value in self.values.items())
+        return f"{self.id}:{values}" if values else self.id
+
 
 @cache
 def catalogue() -> tuple[Effect, ...]:
@@ -69,6 +74,26 @@ def typical(effect_id: str, factor: float = 1.0) -> Setting:
     """Every strength at `factor` times its typical size."""
     effect = find(effect_id)
     return Setting(effect_id, {p.name: factor * p.typical for p in effect.parameters if p.strength})
+
+
+def parse(text: str) -> Setting:
+    """ID:param=value,param=value; ID alone: at its typical size; ID:xN: N times that."""
+    effect_id, _, rest = text.partition(":")
+    if not rest:
+        return typical(effect_id)
+    if "=" not in rest:
+        return typical(effect_id, _number(rest.removeprefix("x"), text))
+    pairs = [part.partition("=") for part in rest.split(",")]
+    setting = Setting(effect_id, {name.strip(): _number(value, text) for name, _, value in pairs})
+    _values(find(effect_id), setting)
+    return setting
+
+
+def _number(value: str, text: str) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise BadInput(f"'{value}' is not a number", f"effect {text}", "write ID:param=value,param=value, ID:xFACTOR, or ID alone") from None
 
 
 def settings(chosen: Sequence[Setting]) -> Any:
