@@ -62,7 +62,7 @@ class Envelope:
     def __init__(self, run: Run, *, calibration_block: bytes | None = None, frame_ticks: int | None = None, step_ticks: int | None = None,
                  effects: Iterable[Setting] = (), settled: bool = False, seed: int | None = None):
         """frame_ticks: slow ticks per frame, None: the scenario's output rate. step_ticks: per step, None: the longest divisor of a frame up to 20 ms.
-        settled: begin in the steady state instead of with a cold start."""
+        effects: beside those of the device. settled: begin in the steady state instead of with a cold start."""
         self.scenario_run = run
         self.frame_ticks = run.divisor(run.scenario.recording.output_hz) if frame_ticks is None else frame_ticks
         self.step_ticks = _step_ticks(self.frame_ticks, run.device.slow_rate_hz) if step_ticks is None else step_ticks
@@ -71,7 +71,7 @@ class Envelope:
                            "choose frames of one slow tick or more and a divisor of them")
         self.calibration_block = twin.block_for(run) if calibration_block is None else calibration_block
         self._envelope = ffi.NULL
-        self._create(run, list(effects), settled, run.scenario.seed if seed is None else seed)
+        self._create(run, [*run.truth.effects, *effects], settled, run.scenario.seed if seed is None else seed)
 
     def _create(self, run: Run, effects: list[Setting], settled: bool, seed: int) -> None:
         settings = catalogue.settings(effects)

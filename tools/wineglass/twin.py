@@ -84,7 +84,8 @@ class Twin:
 
     def __init__(self, run: Run, *, calibration_block: bytes | None = None, seed: int | None = None,
                  effects: Iterable[Setting] = (), amplitudes: bool = False, codes: bool = False):
-        """calibration_block: None takes the one the scenario asks for. amplitudes, codes: also return them in every Block."""
+        """calibration_block: None takes the one the scenario asks for. effects: beside those of the device. amplitudes, codes: also return them in
+        every Block."""
         self.run = run
         self.seed = run.scenario.seed if seed is None else seed
         self.calibration_block = block_for(run) if calibration_block is None else calibration_block
@@ -97,7 +98,7 @@ class Twin:
         if self._twin == ffi.NULL:
             raise refusal(run, int(error[0]), block)
         self._device = library().twin_device(self._twin)
-        self._switch_on(list(effects))
+        self._switch_on([*run.truth.effects, *effects])
 
     def _switch_on(self, effects: list[Setting]) -> None:
         result = library().twin_set_effects(self._twin, catalogue.settings(effects), len(effects)) if effects else 0
