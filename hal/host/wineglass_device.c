@@ -6,6 +6,7 @@
 #include "application/store.h"
 #include "hal/host/host_store.h"
 
+#define LOOP_DELAY_Q16    (3u << 15) /* one sample of latency and half a sample of hold */
 #define POLL_INTERVAL_MAX 64 /* the ring of raw samples must not fill up in between */
 
 /* ---- the port ---------------------------------------------------------------------------------------------------------- */
@@ -39,7 +40,7 @@ static void describe_board(struct wg_device *device, const struct wg_device_cfg 
         .sample_rate_millihz = cfg->sample_rate_millihz,
         .adc_bits = cfg->adc_bits,
         .dac_bits = cfg->dac_bits,
-        .loop_delay_samples_q16 = 3 << 15, /* one sample of latency and half a sample of hold */
+        .loop_delay_samples_q16 = cfg->loop_delay_samples_q16 != 0 ? cfg->loop_delay_samples_q16 : LOOP_DELAY_Q16,
         .store_sector_bytes = HOST_STORE_SECTOR_BYTES,
         .store_program_bytes = 4,
     };

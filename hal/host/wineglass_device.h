@@ -27,6 +27,7 @@ struct wg_device_cfg {
     uint32_t dac_bits;              /* 8 .. 32 */
     uint32_t poll_interval_samples; /* background run every so many samples; 0: once per slow tick */
     uint64_t serial;                /* unique id of the device */
+    uint32_t loop_delay_samples_q16; /* of the board, used with the compiled-in calibration only; 0: one sample of latency and half a sample of hold */
 };
 
 /* What the firmware publishes once per slow tick. */

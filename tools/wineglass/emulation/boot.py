@@ -11,6 +11,7 @@ from types import TracebackType
 
 from wineglass.emulation.machines import STM32F405, Machine
 from wineglass.errors import WineglassError
+from wineglass.link.ports import SocketPort
 
 _PATIENCE_S = 20.0
 
@@ -43,6 +44,10 @@ class Boot:
                 time.sleep(0.01)
         self.close()
         raise WineglassError("the emulated board does not start")
+
+    def port(self) -> SocketPort:
+        """The serial line as a port to record from and to command."""
+        return SocketPort("the serial line of the emulated board", self._line)
 
     def send(self, message: bytes) -> None:
         self._line.sendall(message)

@@ -31,6 +31,8 @@ class Board:
     adc_bits: int = 16
     dac_bits: int = 16
     serial: int = 1
+    loop_delay_q16: int = LOOP_DELAY_Q16
+    """samples, used with the compiled-in calibration only"""
 
 
 class Device(Protocol):
@@ -50,7 +52,8 @@ class HostDevice:
     """The device in the library that the twin and the tools use."""
 
     def __init__(self, board: Board, block: bytes = b""):
-        cfg = ffi.new("struct wg_device_cfg *", [board.sample_rate_millihz, board.adc_bits, board.dac_bits, 0, board.serial])
+        cfg = ffi.new("struct wg_device_cfg *", [board.sample_rate_millihz, board.adc_bits, board.dac_bits, 0, board.serial,
+                                                board.loop_delay_q16])
         self._device = library().wg_device_create(cfg, ffi.from_buffer(block) if block else ffi.NULL, len(block))
         if self._device == ffi.NULL:
             raise WineglassError("the host's device refused its configuration or calibration block")
@@ -103,7 +106,7 @@ class StreamDevice:
         self._process = subprocess.Popen(machine.command(options=emulator_options), stdin=subprocess.PIPE,
                                          stdout=subprocess.PIPE, stderr=self._errors)
         status = self._status(Request.START, struct.pack("<QIIIIII", board.serial, board.sample_rate_millihz, board.adc_bits,
-                                                         board.dac_bits, LOOP_DELAY_Q16, PROGRAM_UNIT_BYTES, 0) + block)
+                                                         board.dac_bits, board.loop_delay_q16, PROGRAM_UNIT_BYTES, 0) + block)
         if status != 0:
             self.close()
             raise WineglassError(f"{self._name}: the device refused its configuration or calibration block ({status})")

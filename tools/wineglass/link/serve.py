@@ -84,7 +84,7 @@ def serve(run: Run, listener: socket.socket, speed: float, byte_errors: float = 
     """Until the scenario ends or Ctrl-C. speed: simulated over real time, 0: as fast as it goes."""
     damage, slow_hz = Damage(byte_errors, run.scenario.seed), run.device.slow_rate_hz
     with Twin(run) as twin, interrupt_noted() as interrupted:
-        wire = _Wire(listener)
+        wire = Wire(listener)
         while not wire.connected and not interrupted():
             wire.accept(0.1)
         wire.send(damage(start(twin)))
@@ -103,7 +103,7 @@ def serve(run: Run, listener: socket.socket, speed: float, byte_errors: float = 
         return Served(twin.blocks_done / slow_hz, wire.clients, wire.bytes_sent)
 
 
-class _Wire:
+class Wire:
     """One client at a time; a newer one takes over."""
 
     def __init__(self, listener: socket.socket) -> None:
