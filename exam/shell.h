@@ -1,0 +1,48 @@
+/* The two modes over one sampling period, forces held: the transition matrix of the whole coupled system, Coriolis, cross damping and cross
+ * stiffness included, by a Magnus step (exponential of the matrix at the middle, summed as a series).
+ *
+ *   x1'' + c11 x1' + c12 x2' + (k11 - W^2) x1 + k12 x2 = f1 - g W x2' - (g/2) W' x2
+ *   x2'' + c22 x2' + c21 x1' + (k22 - W^2) x2 + k21 x1 = f2 + g W x1' + (g/2) W' x1
+ *
+ * State: x1, x1'/w, x2, x2'/w with one constant w near the carrier, so that all four are displacements in FS. */
+#ifndef EXAM_SHELL_H
+#define EXAM_SHELL_H
+
+struct exam_shell {
+    double stiffness[2][2];    /* k [rad^2/s^2] */
+    double damping[2][2];      /* c [1/s] */
+    double rate_rad_s;         /* W */
+    double rate_slope_rad_s2;  /* W' */
+    double angular_gain;       /* g */
+    double force[2][2];        /* [mode][DAC channel], FS/s^2 at the DAC's full scale */
+    double force_delay_s[2];   /* by which each DAC channel's force comes late; 0 .. one period */
+};
+
+/* One period: state' = transition state + now u + before u_before. Columns first: transition[column][row]. */
+struct exam_step {
+    double transition[4][4];
+    double now[2][4];
+    double before[2][4];
+};
+
+enum { EXAM_STEP_NUMBERS = sizeof(struct exam_step) / sizeof(double) };
+
+void exam_step_make(const struct exam_shell *shell, double carrier_rad_s, double period_s, struct exam_step *step);
+
+/* Step at the fraction `at` of the way from a to b. */
+void exam_step_between(const struct exam_step *a, const struct exam_step *b, double at, struct exam_step *step);
+
+static inline void exam_step_apply(const struct exam_step *step, const double now[2], const double before[2], double state[4])
+{
+    double next[4];
+    for (int row = 0; row < 4; row++) {
+        next[row] = step->transition[0][row] * state[0] + step->transition[1][row] * state[1] + step->transition[2][row] * state[2] +
+                    step->transition[3][row] * state[3] + step->now[0][row] * now[0] + step->now[1][row] * now[1] +
+                    step->before[0][row] * before[0] + step->before[1][row] * before[1];
+    }
+    for (int row = 0; row < 4; row++) {
+        state[row] = next[row];
+    }
+}
+
+#endif
