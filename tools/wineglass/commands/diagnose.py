@@ -10,6 +10,7 @@ from wineglass.console import Console
 from wineglass.errors import BadInput
 
 if TYPE_CHECKING:
+    from wineglass.device import Device
     from wineglass.diagnosis.contract import Diagnosis
     from wineglass.diagnosis.evidence import Evidence
 
@@ -25,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--drop-rows", default="", metavar="0,1,5-9", help="tables: data rows to leave out, counted from 0")
     parser.add_argument("--device", metavar="NAME|D.toml", help="what the gyro nominally is; left out: the description in the recording")
     parser.add_argument("--json", type=Path, metavar="F.json", help="file for the diagnosis as JSON")
+    parser.add_argument("--apply", type=Path, metavar="F.toml", help="file for the device description with the named effects in it, for `simulate --device`")
     parser.add_argument("--report", type=Path, metavar="F.html", help="file for the report, one HTML page that needs nothing else")
 
 
@@ -34,13 +36,15 @@ def run(args: argparse.Namespace, console: Console) -> int:
     from wineglass.diagnosis.verdict import diagnose
 
     _check_targets(args)
+    device = _device(args)
     evidence = _evidence(args)
     with console.progress("diagnosing", total=6) as bar:
         found = analyse(evidence, bar.advance)
         diagnosis = diagnose(evidence, found)
         page = _page(args, evidence, found, diagnosis)
+        amended = "" if device is None else _amended(device, diagnosis)
         bar.advance()
-    for target, text in ((args.json, diagnosis.to_json()), (args.report, page)):
+    for target, text in ((args.json, diagnosis.to_json()), (args.report, page), (args.apply, amended)):
         if target is not None:
             write_text(target, text)
     console.json(diagnosis.model_dump(by_alias=True))
@@ -49,7 +53,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
 
 
 def _check_targets(args: argparse.Namespace) -> None:
-    for flag, target, ending in (("--json", args.json, ".json"), ("--report", args.report, ".html")):
+    for flag, target, ending in (("--json", args.json, ".json"), ("--report", args.report, ".html"), ("--apply", args.apply, ".toml")):
         if target is None:
             continue
         if target.suffix != ending:
@@ -58,6 +62,31 @@ def _check_targets(args: argparse.Namespace) -> None:
             raise BadInput("the folder does not exist", target.parent, "create it or choose another output path")
         if target.resolve() == args.recording.resolve():
             raise BadInput("the output is the input file", flag, "choose another name")
+
+
+def _device(args: argparse.Namespace) -> Device | None:
+    """The description that --apply amends; None without --apply."""
+    if args.apply is None:
+        return None
+    from wineglass import device as devices
+    from wineglass.diagnosis import soundness
+    from wineglass.recording import Recording
+
+    if args.recording.suffix.lower() == ".csv":
+        if args.device is None:
+            raise BadInput("a table has no device description to amend", "--apply", "name the device with --device")
+        return devices.load(args.device)
+    with Recording.open(args.recording, tolerant=True) as recording:
+        device = soundness.described(recording, args.device)
+    if device is None:
+        raise BadInput("the recording has no device description to amend", "--apply", "name the device with --device")
+    return device
+
+
+def _amended(device: Device, diagnosis: Diagnosis) -> str:
+    from wineglass.diagnosis.amended import amend, text
+
+    return text(amend(device, diagnosis), diagnosis)
 
 
 def _evidence(args: argparse.Namespace) -> Evidence:
@@ -98,6 +127,6 @@ def _print(diagnosis: Diagnosis, args: argparse.Namespace, console: Console) -> 
         console.print(line + ("" if channel.fraction is None else f": {channel.fraction:.0%} of the gap removed; {diagnosis.shrink.held_out}"))
     if diagnosis.next_experiment is not None:
         console.print(f"next: {diagnosis.next_experiment.run} ({diagnosis.next_experiment.why})")
-    for target in (args.json, args.report):
+    for target in (args.json, args.report, args.apply):
         if target is not None:
             console.print(f"written: {target}")
