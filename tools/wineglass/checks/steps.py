@@ -70,6 +70,8 @@ STEPS: tuple[Step, ...] = (
             first=(TWIN_LIBRARY,), tools=tools_of(*BOARDS)),
     _pytest("machines", "ARM, RISC-V, big-endian and 32-bit x86 builds: bit for bit the host", "tests/target", "-k", "user-",
             first=(TWIN_LIBRARY,), tools=tools_of(*USERS)),
+    Step("cost", "instructions, sizes and stack, beside those of the commit before", (TWIN_LIBRARY, (PYTHON, "-P", "-m", "wineglass", "cost")),
+         tools=tools_of(BOARDS[0])),
     Step("fuzz", "every C parser of bytes from outside, 20 s of libFuzzer under both sanitizers",
          ((PYTHON, "-P", "-m", "wineglass", "fuzz", "--seconds", "20"),), tools=("clang",), needs="tests/fuzz"),
     Step("cppcheck", "static analysis of the C code", (

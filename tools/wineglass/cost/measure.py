@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from wineglass.commands_wire import CommandEncoder
-from wineglass.cost import footprint, rows
+from wineglass.cost import footprint, image, rows
 from wineglass.cost.counter import Counter
 from wineglass.cost.footprint import Footprint
+from wineglass.cost.image import Image
 from wineglass.emulation import codes
 from wineglass.emulation.device import StreamDevice
-from wineglass.emulation.machines import M4
+from wineglass.emulation.machines import M4, STM32F405
 from wineglass.errors import WineglassError
 
 KERNELS_PROGRAM = "wineglass_kernels"
@@ -45,10 +46,13 @@ class Cost:
     background: Count
     """one application_poll"""
     core: Footprint
+    image: Image
+    """the file that is flashed"""
 
 
 def measure() -> Cost:
     M4.build()
+    STM32F405.build(emulated=False)
     compiler = subprocess.run([M4.compiler, "-dumpfullversion"], capture_output=True, text=True, check=True).stdout.strip()
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "calls.bin"
@@ -59,7 +63,7 @@ def measure() -> Cost:
         sample[f"gyro_step, {mode}"], sample[f"application_sample, {mode}"] = step, application
         by_slot[mode] = slots
     background = next(iter(modes.values()))[3]
-    return Cost(f"gcc {compiler}", kernels, sample, by_slot, background, footprint.measure())
+    return Cost(f"gcc {compiler}", kernels, sample, by_slot, background, footprint.measure(), image.measure())
 
 
 def _kernels(out: Path) -> dict[str, Count]:
