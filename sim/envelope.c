@@ -298,6 +298,10 @@ static void execute(struct envelope *e, const struct envelope_event *event)
         firmware->in_phase_limit_fs = value[2];
         firmware->quadrature_limit_fs = value[3];
         break;
+    case ENVELOPE_DRIVE:
+        e->motion.amplitude_command = e->motion.tick;
+        firmware->drive_off = value[0] == 0.0;
+        break;
     default:
         select_filter(e, (uint32_t)value[0]);
         break;

@@ -44,6 +44,7 @@ enum envelope_command {
     ENVELOPE_AGC_GAINS,      /* FS/FS, FS/FS/s */
     ENVELOPE_REBALANCE,      /* FS/FS, FS/FS/s, in-phase limit FS, quadrature limit FS */
     ENVELOPE_OUTPUT_FILTER,  /* 0..4, enum output_filter */
+    ENVELOPE_DRIVE,          /* 0 off, 1 on */
     ENVELOPE_COMMAND_COUNT
 };
 

@@ -39,6 +39,7 @@ struct envelope_firmware {
     double test_in_phase_fs, test_quadrature_fs, test_hz;
     double chirp_rad_s2, chirp_center_s, acquisition_s; /* slope of the chirp, middle of it, end of listening */
     uint32_t loop, compensation, output_filter;
+    uint32_t drive_off;
 };
 
 /* Scale factor of the loop that is on. */

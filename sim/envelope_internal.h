@@ -85,7 +85,7 @@ struct envelope_motion {
     uint64_t tick;                           /* slow ticks done */
     uint64_t tone_start;                     /* tick of the last change of the test signal */
     uint64_t careful_until;                  /* single ticks before this one */
-    uint64_t amplitude_command;              /* tick at whose beginning the set-point changed last */
+    uint64_t amplitude_command;              /* tick at whose beginning the set-point changed last, or the drive went on or off */
     uint64_t next_event;
     bool found;                              /* acquisition is over */
 };

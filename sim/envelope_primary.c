@@ -162,7 +162,7 @@ static void run_limited(struct envelope *e, struct envelope_step *step, struct g
     for (uint32_t i = 0; i < parts; i++) {
         double slope = gains.push * level + motion->coupling.re - decay * a;
         double error_fs = firmware->amplitude_fs - step->middle.pickoff[0] * (a + slope * (0.5 * part_s - e->drive_delay_s));
-        double commanded = clamped_level(firmware, error_fs, part_s, &motion->drive_integral);
+        double commanded = firmware->drive_off ? 0.0 : clamped_level(firmware, error_fs, part_s, &motion->drive_integral);
         double old = smaller(larger(waiting_s / part_s - i, 0.0), 1.0);
         double acting = commanded + old * (motion->level - commanded);
         double final = (gains.push * acting + motion->coupling.re) / decay;
@@ -185,13 +185,31 @@ static bool beyond_limits(const struct envelope *e, const struct envelope_step *
     return wanted >= e->firmware.drive_max_fs || wanted <= 0.0;
 }
 
+/* The drive is off: a' = -l1 a + coupling, its integral waits. */
+static void run_ringing(struct envelope *e, struct envelope_step *step)
+{
+    struct envelope_motion *motion = &e->motion;
+    double decay = step->middle.decay[0];
+    double coupling = coupling_course(motion).mean;
+    double left = exp(-decay * step->step_s);
+    double end = motion->amplitude * left + coupling * (1.0 - left) / decay;
+    double mean = (coupling - (end - motion->amplitude) / step->step_s) / decay;
+    step->amplitude = (struct span){motion->amplitude, mean, end};
+    step->level = span_of(0.0);
+}
+
 /* After a command a single tick is also done loop tick by loop tick. */
 static bool run_controlled(struct envelope *e, struct envelope_step *step)
 {
+    bool commanded = step->maps == &e->single && e->motion.tick == e->motion.amplitude_command;
+    if (e->firmware.drive_off && !commanded) {
+        run_ringing(e, step);
+        return true;
+    }
     double integral = e->motion.drive_integral;
     struct gains gains = gains_of(e, step);
     bool single = step->maps == &e->single;
-    bool limited = beyond_limits(e, step) || (single && e->motion.tick == e->motion.amplitude_command);
+    bool limited = beyond_limits(e, step) || commanded;
     if (!limited && run_free(e, step, gains, e->firmware.amplitude_fs / step->middle.pickoff[0])) {
         return true;
     }

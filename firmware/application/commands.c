@@ -176,6 +176,16 @@ static enum reason set_test_signal(struct application *app, struct byte_reader *
     return reason;
 }
 
+static enum reason set_drive(struct application *app, struct byte_reader *payload)
+{
+    uint32_t on = get_u32(payload);
+    enum reason reason = configuration_is_free(app, on <= 1);
+    if (reason == REASON_OK) {
+        app->calibration.gyro.drive.off = on == 0;
+    }
+    return reason;
+}
+
 static enum reason set_phase_set_point(struct application *app, struct byte_reader *payload)
 {
     int32_t phase_i32 = get_i32(payload);
@@ -419,6 +429,7 @@ static const struct command commands[] = {
     {COMMAND_CALIBRATION_COMMIT, 4, calibration_commit},
     {COMMAND_CALIBRATION_READ, 0, calibration_read},
     {COMMAND_PHASES_STORE, 0, store_phases},
+    {COMMAND_DRIVE, 4, set_drive},
 };
 
 static enum reason run(struct application *app, const struct frame_view *frame)

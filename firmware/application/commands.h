@@ -26,7 +26,8 @@ enum command_type {
     COMMAND_CALIBRATION_WRITE = 0x91,
     COMMAND_CALIBRATION_COMMIT = 0x92,
     COMMAND_CALIBRATION_READ = 0x93,
-    COMMAND_PHASES_STORE = 0x94
+    COMMAND_PHASES_STORE = 0x94,
+    COMMAND_DRIVE = 0x95
 };
 
 /* The key that unlocks the calibration: CRC-32 of the device's unique id as 8 little-endian bytes. It keeps a block from going to the

@@ -25,7 +25,7 @@ static const struct layout_field cfg_fields[] = {
     CFG(drive.pll_proportional_q32, 4), CFG(drive.pll_integral_q32, 4), CFG(drive.phase_set_point_i32, 4),
     CFG(drive.freq_min_u64, 8),
     CFG(drive.freq_max_u64, 8), CFG(drive.amplitude_q30, 4), CFG(drive.agc_proportional_q16, 4),
-    CFG(drive.agc_integral_q24, 4), CFG(drive.drive_max_q31, 4),
+    CFG(drive.agc_integral_q24, 4), CFG(drive.drive_max_q31, 4), CFG(drive.off, 1),
     CFG(rebalance.proportional_q16, 4), CFG(rebalance.integral_q24, 4), CFG(rebalance.in_phase_limit_q31, 4),
     CFG(rebalance.quadrature_limit_q31, 4),
     CFG(test_signal.in_phase_q31, 4), CFG(test_signal.quadrature_q31, 4), CFG(test_signal.freq_u32, 4),

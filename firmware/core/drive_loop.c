@@ -52,8 +52,27 @@ static void step_amplitude(const struct drive_loop_cfg *cfg, struct drive_loop_s
     state->drive_q31 = (int32_t)(fixed_clamp_i64(wanted_q54, 0, limit_q54, &clamped) >> 23);
 }
 
+/* The integral is what held the amplitude before: the loop goes on with it. */
+static void rest(struct drive_loop_state *state, int32_t amplitude_q30)
+{
+    state->amplitude_q30 = amplitude_q30;
+    state->saturated = false;
+    state->drive_q31 = 0;
+}
+
+void drive_loop_hold(struct drive_loop_state *state, int32_t amplitude_q30)
+{
+    state->phase_error_i32 = 0;
+    state->freq_u64 = state->freq_integral_u64;
+    rest(state, amplitude_q30);
+}
+
 void drive_loop_step(const struct drive_loop_cfg *cfg, struct drive_loop_state *state, struct polar primary)
 {
     step_phase(cfg, state, (int32_t)((uint32_t)primary.angle_i32 - (uint32_t)cfg->phase_set_point_i32));
-    step_amplitude(cfg, state, primary.magnitude_q30);
+    if (cfg->off) {
+        rest(state, primary.magnitude_q30);
+    } else {
+        step_amplitude(cfg, state, primary.magnitude_q30);
+    }
 }

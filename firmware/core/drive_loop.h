@@ -18,6 +18,7 @@ struct drive_loop_cfg {
     int32_t agc_proportional_q16;  /* force (of full scale) per amplitude (of full scale) */
     int32_t agc_integral_q24;      /* the same, per loop tick */
     int32_t drive_max_q31;         /* limit of the force, of DAC full scale */
+    bool off;                      /* no force, the AGC's integral is held: a ring-down; the PLL goes on */
 };
 
 struct drive_loop_state {
@@ -34,5 +35,8 @@ struct drive_loop_state {
 void drive_loop_reset(struct drive_loop_state *state, uint64_t freq_u64, int32_t drive_q31);
 
 void drive_loop_step(const struct drive_loop_cfg *cfg, struct drive_loop_state *state, struct polar primary);
+
+/* Instead of a step, when there is nothing to hear: no force, frequency and integrals held. */
+void drive_loop_hold(struct drive_loop_state *state, int32_t amplitude_q30);
 
 #endif

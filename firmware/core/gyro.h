@@ -50,7 +50,8 @@ enum gyro_status {
     GYRO_STATUS_ACQUIRING = 1u << 9,          /* chirp or listening */
     GYRO_STATUS_REBALANCE_ACTIVE = 1u << 10,  /* the rebalance loops are closed */
     GYRO_STATUS_REBALANCE_SATURATED = 1u << 11, /* a rebalance force at its limit */
-    GYRO_STATUS_TEST_ACTIVE = 1u << 12        /* a test force is on, or the shell is held off resonance on purpose */
+    GYRO_STATUS_TEST_ACTIVE = 1u << 12,       /* a test force is on, or the shell is held off resonance on purpose */
+    GYRO_STATUS_DRIVE_OFF = 1u << 13          /* the drive is off by command: the shell rings down */
 };
 
 /* Thermometer code -> shift from the calibration temperature: (raw - offset_raw) gain. */

@@ -90,9 +90,11 @@ static void acquire(const struct gyro_cfg *cfg, struct gyro_state *state)
     state->drive_lead = gyro_drive_lead(cfg, state);
 }
 
+/* A shell that rings down on purpose is not lost. */
 static void watch_silence(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
-    state->silent_ticks = state->drive.amplitude_q30 < cfg->acquisition.audible_q30 ? state->silent_ticks + 1 : 0;
+    bool lost = state->drive.amplitude_q30 < cfg->acquisition.audible_q30 && !cfg->drive.off;
+    state->silent_ticks = lost ? state->silent_ticks + 1 : 0;
     if (state->silent_ticks >= SILENT_TICKS) {
         acquisition_reset(&cfg->acquisition, &state->acquisition);
         state->silent_ticks = 0;
@@ -106,7 +108,11 @@ static void control_drive(const struct gyro_cfg *cfg, struct gyro_state *state)
         state->blank_ticks--;
         return;
     }
-    drive_loop_step(&cfg->drive, &state->drive, state->primary_polar);
+    if (cfg->drive.off && state->primary_polar.magnitude_q30 < cfg->acquisition.audible_q30) {
+        drive_loop_hold(&state->drive, state->primary_polar.magnitude_q30);
+    } else {
+        drive_loop_step(&cfg->drive, &state->drive, state->primary_polar);
+    }
     state->oscillator.freq_u64 = state->drive.freq_u64;
     state->drive_saturated = state->drive_saturated || state->drive.saturated;
     watch_silence(cfg, state);

@@ -141,7 +141,7 @@ static uint32_t status_of(const struct gyro_cfg *cfg, const struct gyro_state *s
     bool rebalanced = gyro_secondary_is_controlled(cfg, state);
     bool tested = cfg->test_signal.in_phase_q31 != 0 || cfg->test_signal.quadrature_q31 != 0 || cfg->drive.phase_set_point_i32 != 0;
     bool closed_or_open = state->loop == GYRO_LOOP_OPEN || (rebalanced && !state->rebalance_saturated);
-    bool rate_valid = locked && closed_or_open && !tested && !state->adc_saturated && !state->overflow &&
+    bool rate_valid = locked && closed_or_open && !tested && !cfg->drive.off && !state->adc_saturated && !state->overflow &&
                       compensation_ready(cfg, state);
     return flag(locked, GYRO_STATUS_LOCKED) | flag(!acquiring && gyro_amplitude_in_range(cfg, state), GYRO_STATUS_AMPLITUDE_IN_RANGE) |
            flag(state->adc_saturated, GYRO_STATUS_ADC_SATURATED) | flag(state->drive_saturated, GYRO_STATUS_DRIVE_SATURATED) |
@@ -149,7 +149,7 @@ static uint32_t status_of(const struct gyro_cfg *cfg, const struct gyro_state *s
            flag(state->temperature_valid, GYRO_STATUS_TEMPERATURE_VALID) | flag(state->retune_valid, GYRO_STATUS_RETUNE_VALID) |
            flag(rate_valid, GYRO_STATUS_RATE_VALID) | flag(acquiring, GYRO_STATUS_ACQUIRING) |
            flag(rebalanced, GYRO_STATUS_REBALANCE_ACTIVE) | flag(state->rebalance_saturated, GYRO_STATUS_REBALANCE_SATURATED) |
-           flag(tested, GYRO_STATUS_TEST_ACTIVE);
+           flag(tested, GYRO_STATUS_TEST_ACTIVE) | flag(cfg->drive.off, GYRO_STATUS_DRIVE_OFF);
 }
 
 static void publish(const struct gyro_cfg *cfg, struct gyro_state *state)

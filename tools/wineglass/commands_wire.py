@@ -38,6 +38,7 @@ class Command(IntEnum):
     CALIBRATION_COMMIT = 0x92
     CALIBRATION_READ = 0x93
     PHASES_STORE = 0x94
+    DRIVE = 0x95
 
 
 @dataclass(frozen=True)
@@ -141,6 +142,10 @@ class CommandEncoder:
 
     def phase_set_point(self, phase_deg: float) -> bytes:
         return self.frame(Command.PHASE_SET_POINT, _i32(phase_deg / 360.0, 32))
+
+    def drive(self, on: bool) -> bytes:
+        """Off: no force, the shell rings down; on: the amplitude loop goes on where it stopped."""
+        return self.frame(Command.DRIVE, _u32(int(on)))
 
     def phase_calibration(self, order: PhaseOrder, slow_rate_hz: float) -> bytes:
         """Answered by a phases frame when it is done; the rate is invalid until then."""

@@ -159,7 +159,7 @@ def _step_ticks(frame_ticks: int, slow_rate_hz: float) -> int:
     return next(ticks for ticks in range(min(longest, max(frame_ticks, 1)), 0, -1) if frame_ticks % ticks == 0)
 
 
-_ORDER = ("amplitude", "compensation", "loop", "test_signal", "phase_set_point", "pll_gains", "agc_gains", "rebalance", "output_filter")
+_ORDER = ("amplitude", "compensation", "loop", "test_signal", "phase_set_point", "pll_gains", "agc_gains", "rebalance", "output_filter", "drive")
 """enum envelope_command"""
 
 
@@ -181,6 +181,8 @@ def _values(command: Command) -> list[float]:
             return [command.in_phase_fs, command.quadrature_fs, command.frequency_hz]
         case schedule.PhaseSetPointCommand():
             return [math.radians(command.phase_deg)]
+        case schedule.DriveCommand():
+            return [float(command.on)]
         case schedule.RebalanceCommand():
             return [command.kp, command.ki_per_s, command.in_phase_limit_fs, command.quadrature_limit_fs]
         case schedule.OutputFilterCommand():

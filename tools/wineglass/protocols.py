@@ -35,6 +35,7 @@ UNIT_WITHOUT_SHELL_S = 60.0
 OPEN_LOOP_RATIO = 0.25  # of secondary over primary amplitude: where the open loop is still linear and far from the converters' ends
 REBALANCE_SHARE = 0.5  # of the force's limit: leaves room for quadrature, gain errors and the test force
 EDGE_S = 0.1
+DRIVE_OFF_AT = 0.25  # part of a ring-down's segment
 CHIRP_FROM, CHIRP_TO = 0.2, 4.0  # half bandwidths of the resonator
 CHIRP_CYCLES = 1.5, 6.0  # at least so many per segment at the chirp's first and last frequency
 TONE_CYCLES = 3.0  # at least so many per step of the test signal
@@ -249,6 +250,10 @@ def commands(part: Placed, device: Device) -> Iterator[schedule.AnyCommand]:
     segment = part.segment
     for time_s, wanted in zip(part.shares(len(segment.amplitude)), segment.amplitude, strict=True):
         yield schedule.AmplitudeCommand(at_s=time_s, set_point_fs=round(wanted * device.firmware.amplitude_fs, 6))
+    if segment.drive_off:
+        off_s = part.at(DRIVE_OFF_AT)
+        yield schedule.DriveCommand(at_s=off_s, on=False)
+        yield schedule.DriveCommand(at_s=off_s + drive_off_s(part, device), on=True)
     for time_s, force in zip(part.shares(len(segment.test_signal)), segment.test_signal, strict=True):
         yield schedule.TestSignalCommand(at_s=time_s, in_phase_fs=force.in_phase, quadrature_fs=force.quadrature,
                                          frequency_hz=tone_hz(part, force, device))

@@ -67,6 +67,16 @@ class TestSignalCommand(Command):
         return encoder.test_signal(self.in_phase_fs, self.quadrature_fs, self.frequency_hz, _loop_rate_hz(device))
 
 
+class DriveCommand(Command):
+    """Off: no force, the shell rings down while the phase loop follows; on: the amplitude loop goes on where it stopped."""
+
+    kind: Literal["drive"] = "drive"
+    on: bool = quantity(..., "", "drive force on the primary")
+
+    def encode(self, encoder: CommandEncoder, device: Device) -> bytes:
+        return encoder.drive(self.on)
+
+
 class PhaseSetPointCommand(Command):
     kind: Literal["phase_set_point"] = "phase_set_point"
     phase_deg: float = quantity(..., "deg", "by which the drive loop holds the shell off resonance", ge=-45, le=45)
@@ -126,7 +136,7 @@ class SyncPulse(Command):
 
 AnyCommand = Annotated[
     LoopCommand | CompensationCommand | AmplitudeCommand | TestSignalCommand | PhaseSetPointCommand | RebalanceCommand | OutputFilterCommand
-    | RestartCommand | PhaseCalibrationCommand | SyncPulse,
+    | DriveCommand | RestartCommand | PhaseCalibrationCommand | SyncPulse,
     Field(discriminator="kind"),
 ]
 

@@ -45,6 +45,7 @@ class Status(IntEnum):
     REBALANCE_ACTIVE = 1 << 10
     REBALANCE_SATURATED = 1 << 11
     TEST_ACTIVE = 1 << 12
+    DRIVE_OFF = 1 << 13
 
 
 class Part(IntEnum):

@@ -150,6 +150,7 @@ static void frames_that_are_no_commands(void)
     expect_refused(REASON_LENGTH, COMMAND_REBALANCE, zeros, 12);
     expect_refused(REASON_LENGTH, COMMAND_TEST_SIGNAL, zeros, 8);
     expect_refused(REASON_LENGTH, COMMAND_PHASE_SET_POINT, zeros, 8);
+    expect_refused(REASON_LENGTH, COMMAND_DRIVE, zeros, 3);
     expect_refused(REASON_LENGTH, COMMAND_CALIBRATION_UNLOCK, zeros, 0);
     expect_refused(REASON_LENGTH, COMMAND_CALIBRATION_COMMIT, zeros, 0);
     expect_refused(REASON_LENGTH, COMMAND_CALIBRATION_READ, zeros, 1);
@@ -193,6 +194,7 @@ static void settings_take_effect_at_a_slow_tick(void)
     expect_accepted(send_words(COMMAND_PLL_GAINS, 2, (uint32_t[]){1000, 20}));
     expect_accepted(send_words(COMMAND_AGC_GAINS, 2, (uint32_t[]){3000, 40}));
     expect_accepted(send_word(COMMAND_PHASE_SET_POINT, (uint32_t)-1000));
+    expect_accepted(send_word(COMMAND_DRIVE, 0));
     settle();
     settle();
     TEST_ASSERT_EQUAL_UINT32(GYRO_COMPENSATION_G2, app.cfg->compensation);
@@ -203,7 +205,12 @@ static void settings_take_effect_at_a_slow_tick(void)
     TEST_ASSERT_EQUAL_INT32(3000, app.cfg->drive.agc_proportional_q16);
     TEST_ASSERT_EQUAL_INT32(40, app.cfg->drive.agc_integral_q24);
     TEST_ASSERT_EQUAL_INT32(-1000, app.cfg->drive.phase_set_point_i32);
-    TEST_ASSERT_EQUAL_UINT32(6, app.counters.commands_accepted);
+    TEST_ASSERT_TRUE(app.cfg->drive.off);
+    TEST_ASSERT_EQUAL_UINT32(7, app.counters.commands_accepted);
+    expect_accepted(send_word(COMMAND_DRIVE, 1));
+    settle();
+    settle();
+    TEST_ASSERT_FALSE(app.cfg->drive.off);
 }
 
 /* The amplitude limit is a part of the set-point: it moves with it and comes back exactly. */
@@ -243,6 +250,7 @@ static void parameters_out_of_range_are_refused(void)
     expect_words_refused(REASON_OUT_OF_RANGE, COMMAND_TEST_SIGNAL, 3, (uint32_t[]){0, DRIVE_MAX_Q31 + 1, 0});
     expect_words_refused(REASON_OUT_OF_RANGE, COMMAND_TEST_SIGNAL, 3, (uint32_t[]){0, 0, UINT32_MAX});
     expect_words_refused(REASON_OUT_OF_RANGE, COMMAND_PHASE_SET_POINT, 1, (uint32_t[]){PHASE_SET_POINT_MAX_I32 + 1});
+    expect_words_refused(REASON_OUT_OF_RANGE, COMMAND_DRIVE, 1, (uint32_t[]){2});
     settle();
     TEST_ASSERT_EQUAL_UINT32(0, app.counters.commands_accepted);
 }

@@ -157,6 +157,7 @@ static void test_any_words(void)
             .agc_proportional_q16 = random_wide_i32(&random) & INT32_MAX,
             .agc_integral_q24 = random_wide_i32(&random) & INT32_MAX,
             .drive_max_q31 = random_wide_i32(&random) & INT32_MAX,
+            .off = (random_u64(&random) & 3) == 0,
         };
         any.freq_max_u64 = any.freq_min_u64 + (random_u64(&random) >> 2);
         drive_loop_reset(&state, any.freq_min_u64, any.drive_max_q31 / 2);
@@ -166,6 +167,51 @@ static void test_any_words(void)
             TEST_ASSERT_TRUE(state.drive_q31 >= 0 && state.drive_q31 <= any.drive_max_q31);
         }
     }
+}
+
+static void test_off_takes_the_force_away_and_keeps_both_integrals(void)
+{
+    struct drive_loop_state state;
+    drive_loop_reset(&state, middle(), 1 << 30);
+    cfg.off = true;
+    for (int n = 0; n < 100; n++) {
+        drive_loop_step(&cfg, &state, reading(cfg.amplitude_q30 / 2 - n, 0));
+        TEST_ASSERT_EQUAL_INT32(0, state.drive_q31);
+        TEST_ASSERT_EQUAL_INT32(cfg.amplitude_q30 / 2 - n, state.amplitude_q30);
+        TEST_ASSERT_FALSE(state.saturated);
+    }
+    TEST_ASSERT_EQUAL_INT64((int64_t)1 << 53, state.drive_integral_q54);
+    cfg.off = false;
+    drive_loop_step(&cfg, &state, reading(cfg.amplitude_q30, 0));
+    TEST_ASSERT_EQUAL_INT32(1 << 30, state.drive_q31);
+}
+
+static void test_off_the_frequency_still_follows(void)
+{
+    struct drive_loop_state off, on;
+    drive_loop_reset(&off, middle(), 0);
+    drive_loop_reset(&on, middle(), 0);
+    for (int n = 0; n < 100; n++) {
+        cfg.off = false;
+        drive_loop_step(&cfg, &on, reading(cfg.amplitude_q30, 1000 * n));
+        cfg.off = true;
+        drive_loop_step(&cfg, &off, reading(cfg.amplitude_q30, 1000 * n));
+        TEST_ASSERT_EQUAL_UINT64(on.freq_u64, off.freq_u64);
+    }
+}
+
+static void test_hold_keeps_the_integral_s_frequency(void)
+{
+    struct drive_loop_state state;
+    drive_loop_reset(&state, middle(), 1 << 30);
+    drive_loop_step(&cfg, &state, reading(cfg.amplitude_q30, 1 << 20));
+    uint64_t integral = state.freq_integral_u64;
+    TEST_ASSERT_TRUE(state.freq_u64 != integral);
+    drive_loop_hold(&state, 77);
+    TEST_ASSERT_EQUAL_UINT64(integral, state.freq_u64);
+    TEST_ASSERT_EQUAL_UINT64(integral, state.freq_integral_u64);
+    TEST_ASSERT_EQUAL_INT32(0, state.drive_q31);
+    TEST_ASSERT_EQUAL_INT32(77, state.amplitude_q30);
 }
 
 int main(void)
@@ -179,6 +225,9 @@ int main(void)
     RUN_TEST(test_force_follows_the_error_as_proportional_and_integral);
     RUN_TEST(test_force_stays_between_zero_and_its_limit);
     RUN_TEST(test_integral_does_not_wind_up);
+    RUN_TEST(test_off_takes_the_force_away_and_keeps_both_integrals);
+    RUN_TEST(test_off_the_frequency_still_follows);
+    RUN_TEST(test_hold_keeps_the_integral_s_frequency);
     RUN_TEST(test_any_words);
     return UNITY_END();
 }

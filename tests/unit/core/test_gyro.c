@@ -234,6 +234,47 @@ static void test_a_stopped_shell_is_acquired_again(void)
 }
 
 /* No hidden memory: two gyros in turns are the two gyros alone. */
+/* Q/(pi f): the amplitude falls as the plant's own, the frequency stays, and there is no cold start afterwards. */
+static void test_a_ring_down_decays_as_the_shell_does(void)
+{
+    const double decay_s = device.quality / (4.0 * atan(1.0) * device.freq_hz);
+    power_on();
+    run(3.0);
+    double level = ldexp(state.signals.drive_level_q31, -31);
+    cfg.drive.off = true;
+    run(0.2);
+    double before = ldexp(state.drive.amplitude_q30, -30);
+    struct mean mean = average(decay_s);
+    TEST_ASSERT_DOUBLE_WITHIN(0.002 * before, before * exp(-1.0), ldexp(state.drive.amplitude_q30, -30));
+    TEST_ASSERT_DOUBLE_WITHIN(0.002, device.freq_hz, mean.freq_hz);
+    TEST_ASSERT_TRUE(mean.all & GYRO_STATUS_DRIVE_OFF);
+    TEST_ASSERT_FALSE(mean.any & (GYRO_STATUS_RATE_VALID | GYRO_STATUS_ACQUIRING));
+    cfg.drive.off = false;
+    run(2.0);
+    mean = average(0.1);
+    TEST_ASSERT_EQUAL_HEX32(LOCKED, mean.all & LOCKED);
+    TEST_ASSERT_FALSE(mean.any & GYRO_STATUS_DRIVE_OFF);
+    TEST_ASSERT_DOUBLE_WITHIN(0.002, level, ldexp(state.signals.drive_level_q31, -31));
+}
+
+/* When there is nothing left to hear the frequency waits; the drive then finds the shell where it left it, without a cold start. */
+static void test_a_shell_that_rang_down_to_nothing_is_driven_again(void)
+{
+    power_on();
+    run(3.0);
+    cfg.drive.off = true;
+    run(10.0);
+    TEST_ASSERT_EQUAL_INT32(0, state.drive.drive_q31);
+    TEST_ASSERT_TRUE(state.drive.amplitude_q30 < cfg.acquisition.audible_q30);
+    TEST_ASSERT_DOUBLE_WITHIN(1.0, device.freq_hz, ldexp((double)state.oscillator.freq_u64, -64) * device.sample_rate_hz);
+    cfg.drive.off = false;
+    struct mean mean = average(2.0);
+    TEST_ASSERT_FALSE(mean.any & GYRO_STATUS_ACQUIRING);
+    mean = average(0.1);
+    TEST_ASSERT_EQUAL_HEX32(LOCKED, mean.all & LOCKED);
+    TEST_ASSERT_DOUBLE_WITHIN(0.02, device.freq_hz, mean.freq_hz);
+}
+
 static void test_gyros_share_nothing(void)
 {
     static struct gyro_state alone[2], together[2];
@@ -302,6 +343,8 @@ int main(void)
     RUN_TEST(test_a_saturated_pickoff_is_said_and_forgotten);
     RUN_TEST(test_retuning_outside_its_validity_is_said);
     RUN_TEST(test_a_stopped_shell_is_acquired_again);
+    RUN_TEST(test_a_ring_down_decays_as_the_shell_does);
+    RUN_TEST(test_a_shell_that_rang_down_to_nothing_is_driven_again);
     RUN_TEST(test_gyros_share_nothing);
     RUN_TEST(test_any_codes);
     return UNITY_END();
