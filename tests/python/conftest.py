@@ -1,0 +1,3 @@
+"""Before any test imports numpy: its threads are limited by the package."""
+
+import wineglass  # noqa: F401
