@@ -185,6 +185,13 @@ static bool beyond_limits(const struct envelope *e, const struct envelope_step *
     return wanted >= e->firmware.drive_max_fs || wanted <= 0.0;
 }
 
+/* Below half the set-point the rebalance loop opens. */
+static bool passes_half(const struct envelope *e, const struct envelope_step *step)
+{
+    double half = 0.5 * e->firmware.amplitude_fs / step->middle.pickoff[0];
+    return (step->amplitude.start > half) != (step->amplitude.end > half);
+}
+
 /* The drive is off: a' = -l1 a + coupling, its integral waits. */
 static void run_ringing(struct envelope *e, struct envelope_step *step)
 {
@@ -204,7 +211,7 @@ static bool run_controlled(struct envelope *e, struct envelope_step *step)
     bool commanded = step->maps == &e->single && e->motion.tick == e->motion.amplitude_command;
     if (e->firmware.drive_off && !commanded) {
         run_ringing(e, step);
-        return true;
+        return step->maps == &e->single || !passes_half(e, step);
     }
     double integral = e->motion.drive_integral;
     struct gains gains = gains_of(e, step);

@@ -113,6 +113,7 @@ CASES: dict[str, tuple[dict, dict]] = {
     "amplitude steps": ({"command": [{"at_s": 6, "kind": "amplitude", "set_point_fs": 0.8}, {"at_s": 9, "kind": "amplitude", "set_point_fs": 0.9}]},
                         {}),
     "ring-down": ({"command": [{"at_s": 6, "kind": "amplitude", "set_point_fs": 0.1}, {"at_s": 9, "kind": "amplitude", "set_point_fs": 0.9}]}, {}),
+    "drive off": ({"rate": STEPS, "command": [{"at_s": 6, "kind": "drive", "on": False}, {"at_s": 7.5, "kind": "drive", "on": True}]}, {"rate": STEPS}),
     "test force in phase": ({"command": [{"at_s": 6, "kind": "test_signal", "in_phase_fs": 0.05}, {"at_s": 10, "kind": "test_signal"}]}, {}),
     "test force in quadrature": ({"command": [{"at_s": 6, "kind": "test_signal", "quadrature_fs": 0.05}, {"at_s": 10, "kind": "test_signal"}]},
                                  {}),
@@ -127,7 +128,7 @@ SETTLED_S = 0.4  # after a change of the amplitude's set-point, when the drive f
 
 def kept_frames(fields: dict, n: int, start_s: float) -> np.ndarray:
     time_s = start_s + 0.02 * np.arange(n)
-    jumps = [command["at_s"] for command in fields.get("command", []) if command["kind"] in ("amplitude", "phase_set_point")]
+    jumps = [command["at_s"] for command in fields.get("command", []) if command["kind"] in ("amplitude", "drive", "phase_set_point")]
     return np.all([(time_s < jump - 0.04) | (time_s > jump + SETTLED_S) for jump in jumps] or [time_s > 0], axis=0)
 
 
