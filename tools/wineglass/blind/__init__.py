@@ -1,0 +1,1 @@
+"""The blind check: diagnose recordings whose cause is withheld."""

@@ -1,0 +1,59 @@
+"""A case into a recording, and what its oracle says."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from wineglass import device as devices
+from wineglass.blind.generator import bench, unit
+from wineglass.blind.generator.case import Case, Made
+from wineglass.blind.generator.effects import apply
+from wineglass.blind.generator.oracle import Grade, grade
+from wineglass.blind.generator.plant import Plant
+from wineglass.blind.generator.world import World
+from wineglass.device import Device
+
+
+def make(case: Case, path: str | Path, calibration: bytes, progress: Callable[[int], None] | None = None) -> Made:
+    """Writes the recording of a case. calibration: the block in the device's store, as bytes; progress(blocks done since the last call)."""
+    described = describe(case)
+    fields = drawn_fields(case, described)
+    world = world_of(case, described, fields)
+    stored = calibration
+    for patch in world.calibration_patches:
+        stored = patch(stored)
+    with Plant(world, stored) as plant:
+        elapsed = bench.record(world, plant, Path(path), calibration, unit.noisier(described, case.noise_factor), case.lost_fraction, progress)
+        return Made(str(path), plant.clipped, elapsed, fields)
+
+
+def describe(case: Case) -> Device:
+    """The device as its description says."""
+    return devices.load(case.scenario.device).override(case.scenario.override, f"scenario {case.scenario.name}")
+
+
+def drawn_fields(case: Case, described: Device) -> dict[str, object]:
+    """What differs from the description although nothing is wrong."""
+    if not case.another_unit:
+        return {}
+    return unit.drawn(described, World.random_for(case.draw, "unit"))
+
+
+def world_of(case: Case, described: Device, fields: dict[str, object]) -> World:
+    """The day with all effects of the case in it."""
+    world = World(described, unit.another(described, fields), case.scenario, case.draw, case.noise_factor)
+    apply(world, case.effects)
+    return world
+
+
+def oracle(case: Case, calibration: bytes, folder: str | Path | None = None, recording: str | Path | None = None) -> Grade:
+    """How much of a gap the effects make: the same seed with and without them. recording: the case's own, if it is there already."""
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        plain = Path(scratch) / "without.h5"
+        make(case.without_effects(), plain, calibration)
+        if recording is None:
+            recording = Path(scratch) / "with.h5"
+            make(case, recording, calibration)
+        return grade(Path(recording), plain)
