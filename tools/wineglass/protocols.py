@@ -35,6 +35,7 @@ UNIT_WITHOUT_SHELL_S = 60.0
 OPEN_LOOP_RATIO = 0.25  # of secondary over primary amplitude: where the open loop is still linear and far from the converters' ends
 REBALANCE_SHARE = 0.5  # of the force's limit: leaves room for quadrature, gain errors and the test force
 EDGE_S = 0.1
+OUTPUT_FILTER = 0.05  # corner, of the slow tick's rate
 DRIVE_OFF_AT = 0.25  # part of a ring-down's segment
 CHIRP_FROM, CHIRP_TO = 0.2, 4.0  # half bandwidths of the resonator
 CHIRP_CYCLES = 1.5, 6.0  # at least so many per segment at the chirp's first and last frequency
@@ -56,6 +57,7 @@ class ProtocolSegment(Section):
 
     name: str = quantity(..., "", "what it is called", min_length=1)
     lasts: float = quantity(..., "thermal unit", "its length", gt=0, le=1000)
+    at_least: float = quantity(0.0, "decay time", "but no shorter than this, of the resonator", ge=0, le=100)
     temperature: float | None = quantity(None, "1", "at its end, of the way from T0 to the range's ends; left out: held", ge=-1, le=1)
     rate_steps: list[float] = quantity([], "1", "rates, of the loop's range")
     rate_chirp: float = quantity(0.0, "1", "amplitude of a sine of rising frequency, of the loop's range", ge=0, le=1)
@@ -151,7 +153,12 @@ def rate_range_rad_s(device: Device, loop: Loop) -> float:
 
 def half_bandwidth_hz(device: Device) -> float:
     """Of the resonator at T0: what the open loop follows."""
-    return float(device.resonator.decay_rate_at(device.resonator.reference_temperature_degc)) / (2.0 * math.pi)
+    return 1.0 / (2.0 * math.pi * decay_s(device))
+
+
+def decay_s(device: Device) -> float:
+    """The resonator's decay time at T0."""
+    return 1.0 / float(device.resonator.decay_rate_at(device.resonator.reference_temperature_degc))
 
 
 def temperature_degc(device: Device, part: float) -> float:
@@ -163,10 +170,10 @@ def temperature_degc(device: Device, part: float) -> float:
 
 def placed(protocol: Protocol, device: Device) -> list[Placed]:
     """The protocol's segments at their times and temperatures."""
-    unit, begin, part, found = unit_s(device), 0.0, 0.0, []
+    unit, decay, begin, part, found = unit_s(device), decay_s(device), 0.0, 0.0, []
     for segment in protocol.segment:
         before, part = part, part if segment.temperature is None else segment.temperature
-        end = begin + segment.lasts * unit
+        end = begin + max(segment.lasts * unit, segment.at_least * decay)
         found.append(Placed(segment, begin, end, temperature_degc(device, before), temperature_degc(device, part)))
         begin = end
     return found
@@ -178,10 +185,12 @@ def scenario(name: str | Path | Protocol, device: str | Device = DEVICE, loop: L
     protocol = name if isinstance(name, Protocol) else load(name)
     described = device if isinstance(device, Device) else devices.load(device)
     parts = placed(protocol, described)
+    record_hz = _record_hz(protocol, described)
     made = Scenario(
         name=protocol.name, description=protocol.description, device=described.name if isinstance(device, Device) else device,
-        duration_s=parts[-1].end_s, seed=seed, temperature=_temperature(parts), rate=_rate(parts, described, loop), mode=Mode(loop=loop),
-        recording=Recording(baseband_hz=protocol.record_hz, output_hz=protocol.record_hz, reference_hz=protocol.record_hz,
+        duration_s=parts[-1].end_s, seed=seed, temperature=_temperature(parts), rate=_rate(parts, described, loop),
+        mode=Mode(loop=loop, output_filter_hz=OUTPUT_FILTER * described.slow_rate_hz),
+        recording=Recording(baseband_hz=record_hz, output_hz=record_hz, reference_hz=record_hz,
                             bursts=[Burst(time_s=part.at(at), samples=protocol.burst_samples) for part in parts for at in part.segment.bursts]),
         segment=[Segment(name=part.segment.name, begin_s=part.begin_s, end_s=part.end_s, what=describe(part, described, loop)) for part in parts],
         command=[command for part in parts for command in commands(part, described)],
@@ -203,6 +212,11 @@ def cut(run: Scenario, duration_s: float) -> Scenario:
     segments = [segment.model_copy(update={"end_s": min(segment.end_s, duration_s)}) for segment in run.segment if segment.begin_s < duration_s]
     recording = run.recording.model_copy(update={"bursts": bursts})
     return run.model_copy(update={"duration_s": min(duration_s, run.duration_s), "recording": recording, "command": commands, "segment": segments})
+
+
+def _record_hz(protocol: Protocol, device: Device) -> float:
+    """The nearest rate that the device can send: its slow rate over a whole number."""
+    return device.slow_rate_hz / max(1, round(device.slow_rate_hz / protocol.record_hz))
 
 
 # --- what a segment does ---------------------------------------------------------------------------------------------
@@ -269,22 +283,38 @@ def tone_hz(part: Placed, force: TestForce, device: Device) -> float:
 
 def describe(part: Placed, device: Device, loop: Loop) -> str:
     """One line for a person."""
+    return "; ".join(filter(None, (chamber_text(part), table_text(part, device, loop), device_text(part, device)))) or "rest"
+
+
+def chamber_text(part: Placed) -> str:
+    """What the chamber does; nothing where it holds."""
+    if part.to_degc == part.from_degc:
+        return ""
+    return f"ramp {part.from_degc:.1f} to {part.to_degc:.1f} degC at {part.speed_degc_per_min:+.3g} degC/min"
+
+
+def table_text(part: Placed, device: Device, loop: Loop) -> str:
+    """What the rate table does; nothing where it rests."""
     segment, full = part.segment, math.degrees(rate_range_rad_s(device, loop))
-    told = []
-    if part.to_degc != part.from_degc:
-        told.append(f"ramp {part.from_degc:.1f} to {part.to_degc:.1f} degC at {part.speed_degc_per_min:+.3g} degC/min")
     if segment.rate_steps:
-        told.append("rate " + ", ".join(f"{rate * full:.3g}" for rate in segment.rate_steps) + " deg/s")
+        step = f"every {part.length_s / len(segment.rate_steps):.3g} s" if len(segment.rate_steps) > 1 else "throughout"
+        return f"rate {', '.join(f'{rate * full:.3g}' for rate in segment.rate_steps)} deg/s, {step}"
     if segment.rate_chirp:
         sweep = chirp(part, device, full)
-        told.append(f"rate sine of {sweep.amplitude_deg_s:.3g} deg/s, {sweep.start_hz:.3g} to {sweep.end_hz:.3g} Hz")
+        return f"rate sine of {sweep.amplitude_deg_s:.3g} deg/s, {sweep.start_hz:.3g} to {sweep.end_hz:.3g} Hz"
+    return ""
+
+
+def device_text(part: Placed, device: Device) -> str:
+    """What is asked of the device."""
+    segment, told = part.segment, []
     if segment.amplitude:
         told.append("amplitude " + ", ".join(f"{wanted * device.firmware.amplitude_fs:.3g}" for wanted in segment.amplitude) + " FS")
     if segment.drive_off:
         told.append(f"drive off for {drive_off_s(part, device):.3g} s")
     if segment.test_signal:
-        told.append("forces on the sense axis: " + ", ".join(_force(part, force, device) for force in segment.test_signal))
-    return "; ".join(told) or "rest"
+        told.append("test force " + ", ".join(_force(part, force, device) for force in segment.test_signal))
+    return "; ".join(told)
 
 
 def _force(part: Placed, force: TestForce, device: Device) -> str:
@@ -295,5 +325,4 @@ def _force(part: Placed, force: TestForce, device: Device) -> str:
 
 def drive_off_s(part: Placed, device: Device) -> float:
     """Ring-downs follow the resonator, but end well before their segment does."""
-    decay_s = 1.0 / (2.0 * math.pi * half_bandwidth_hz(device))
-    return min(part.segment.drive_off * decay_s, 0.5 * part.length_s)
+    return min(part.segment.drive_off * decay_s(device), 0.5 * part.length_s)

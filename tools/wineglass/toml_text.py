@@ -27,11 +27,11 @@ def loads(text: str, source: str) -> dict[str, Any]:
 
 def dumps(data: dict[str, Any]) -> str:
     """Text that reads back as `data` (None is left out)."""
-    lines = [f"{_key(key)} = {_value(value)}" for key, value in data.items() if value is not None and not isinstance(value, dict)]
-    for key, value in data.items():
-        if isinstance(value, dict):
+    lines = [f"{_key(key)} = {value(item)}" for key, item in data.items() if item is not None and not isinstance(item, dict)]
+    for key, table in data.items():
+        if isinstance(table, dict):
             lines += ["", f"[{_key(key)}]"]
-            lines += [f"{_key(name)} = {_value(item)}" for name, item in value.items() if item is not None]
+            lines += [f"{_key(name)} = {value(item)}" for name, item in table.items() if item is not None]
     return "\n".join(lines).lstrip("\n") + "\n"
 
 
@@ -39,12 +39,13 @@ def _key(key: str) -> str:
     return key if key.replace("_", "").replace("-", "").isalnum() else json.dumps(key)
 
 
-def _value(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items() if item is not None) + " }"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_value(item) for item in value) + "]"
-    return json.dumps(value, ensure_ascii=False)
+def value(thing: Any) -> str:
+    """As it stands behind the equals sign, on one line."""
+    if isinstance(thing, dict):
+        return "{ " + ", ".join(f"{_key(key)} = {value(item)}" for key, item in thing.items() if item is not None) + " }"
+    if isinstance(thing, (list, tuple)):
+        return "[" + ", ".join(value(item) for item in thing) + "]"
+    return json.dumps(thing, ensure_ascii=False)
 
 
 def merge(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:

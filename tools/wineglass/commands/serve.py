@@ -13,7 +13,9 @@ HELP = "run a scenario in real time as a device behind a socket, for `record` an
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scenario", metavar="SCENARIO", help="a shipped scenario, or the path of a .toml file")
+    parser.add_argument("scenario", nargs="?", metavar="SCENARIO", help="a shipped scenario, or the path of a .toml file")
+    parser.add_argument("--protocol", metavar="NAME", help="chamber and rate table of a bench protocol instead; its commands come from `record --script`")
+    parser.add_argument("--loop", choices=("open", "rebalance"), help="of the protocol")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--socket", type=Path, metavar="PATH", help="unix socket to make")
     where.add_argument("--tcp", metavar="PORT", help="TCP port, of this machine only; HOST:PORT for another address, 0: a free one")

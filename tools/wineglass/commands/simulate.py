@@ -57,8 +57,10 @@ def prepare(args: argparse.Namespace) -> Any:
     for_scenario, for_device = scenarios.split_settings(args.settings)
     if args.protocol is not None:
         return _protocol(args, for_scenario, for_device)
+    if args.scenario is None:
+        raise BadInput("neither a scenario nor a protocol is given", "command line", "name one; ./wineglass simulate lists the scenarios")
     if args.loop is not None:
-        raise BadInput("--loop belongs to --protocol", "simulate", "use --set mode.loop=... for a scenario")
+        raise BadInput("--loop belongs to --protocol", "command line", "use --set mode.loop=... for a scenario")
     given = {"seed": args.seed, "duration_s": args.duration, "device": args.device}
     for_scenario |= {key: value for key, value in given.items() if value is not None}
     scenario = scenarios.load(args.scenario).changed(for_scenario, "command line")
@@ -74,7 +76,7 @@ def _protocol(args: argparse.Namespace, for_scenario: dict[str, Any], for_device
     from wineglass.errors import BadInput
 
     if args.scenario is not None:
-        raise BadInput("a scenario and a protocol are given", "simulate", "give one of them")
+        raise BadInput("a scenario and a protocol are given", "command line", "give one of them")
     device = devices.load(args.device or protocols.DEVICE).override(for_device, "command line")
     scenario = protocols.scenario(args.protocol, device, args.loop or "open", 1 if args.seed is None else args.seed)
     if args.duration is not None:

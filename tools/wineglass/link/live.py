@@ -6,10 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from wineglass.bench_script import Script
 from wineglass.calibration_block import from_binary, to_json
+from wineglass.device import Device
 from wineglass.errors import BadInput
 from wineglass.interrupt import interrupt_noted
 from wineglass.link.ports import FilePort, Port, PortClosed
+from wineglass.link.player import Player
 from wineglass.link.session import Refused, Session
 from wineglass.recording import Recording, RecordingMeta, RecordingWriter
 from wineglass.telemetry import Decoder, Identity
@@ -27,6 +30,9 @@ class LiveOptions:
     output_hz: float | None = None
     burst_samples: int = 0
     device_toml: str = ""
+    script: Script | None = None
+    """played by the device's clock from the first sample on; needs `device`, and its frame rates and length count"""
+    device: Device | None = None
 
 
 @dataclass(frozen=True)
@@ -53,13 +59,14 @@ def record(port: Port, path: Path, options: LiveOptions, progress: Callable[[flo
     prelude: list[bytes] = []
     identity, block, intervals = _listen(port, prelude) if isinstance(port, FilePort) else _introduce(port, options, prelude)
     with RecordingWriter(path, _meta(port, identity, block, options)) as writer, interrupt_noted() as interrupted:
-        recorder = TelemetryRecorder(writer, intervals=intervals)
+        player = Player(options.script, options.device, port, writer, identity) if options.script and options.device else None
+        recorder = TelemetryRecorder(writer, player, intervals=intervals)
         recorder.feed(b"".join(prelude))
-        ended = _run(port, recorder, options, interrupted, progress)
+        ended = _run(port, recorder, player, options, interrupted, progress)
         if recorder.end_sample == 0:
             raise BadInput("the device sent no measurements", port.name, "set its frame rates: --baseband-hz 100 --output-hz 100")
         writer.event("recording_ended", ended, sample=recorder.end_sample)
-    return _summary(path, identity, recorder, ended)
+    return _summary(path, identity, recorder, ended, player)
 
 
 def divisor(identity: Identity, rate_hz: float, what: str) -> int:
@@ -124,7 +131,7 @@ def _meta(port: Port, identity: Identity, block: bytes, options: LiveOptions) ->
     )
 
 
-def _run(port: Port, recorder: TelemetryRecorder, options: LiveOptions, interrupted: Callable[[], bool],
+def _run(port: Port, recorder: TelemetryRecorder, player: Player | None, options: LiveOptions, interrupted: Callable[[], bool],
          progress: Callable[[float, Decoder], None] | None) -> str:
     """Why it ended."""
     rate_hz = recorder.identity.sample_rate_hz if recorder.identity else 1.0
@@ -132,6 +139,8 @@ def _run(port: Port, recorder: TelemetryRecorder, options: LiveOptions, interrup
         seconds = (recorder.end_sample - recorder.begin_sample) / rate_hz
         if progress is not None:
             progress(seconds, recorder.decoder)
+        if player is not None and recorder.end_sample > 0:
+            player.play(recorder.begin_sample, recorder.end_sample)
         if recorder.ended:
             return recorder.ended
         if options.seconds is not None and seconds >= options.seconds:
@@ -144,7 +153,7 @@ def _run(port: Port, recorder: TelemetryRecorder, options: LiveOptions, interrup
             return "end of the file" if isinstance(port, FilePort) else "the connection was closed"
 
 
-def _summary(path: Path, identity: Identity, recorder: TelemetryRecorder, ended: str) -> Recorded:
+def _summary(path: Path, identity: Identity, recorder: TelemetryRecorder, ended: str, player: Player | None) -> Recorded:
     recording = Recording.open(path)
     taps = {name: {"samples": recording.tap(name).length, "lost": int(recording.tap(name).lost.sum())} for name in recording.taps}
     if recording.bursts:
@@ -152,7 +161,7 @@ def _summary(path: Path, identity: Identity, recorder: TelemetryRecorder, ended:
     duration = max((recording.tap(name).length / recording.tap(name).sample_rate_hz for name in recording.taps), default=0.0)
     statistics = recorder.decoder.statistics
     damaged = statistics.bad_packets + statistics.bad_crc
-    warnings = []
+    warnings = [] if player is None else player.complaints()
     if damaged or statistics.lost_frames:
         warnings.append(f"{damaged} packets were damaged and {statistics.lost_frames} frames are missing: masked as lost")
     if recorder.ended:
