@@ -35,8 +35,18 @@
 #define BOARD_SAMPLE_RATE_MILLIHZ \
     ((uint32_t)(UINT64_C(1000000000) * BOARD_I2S_N / BOARD_I2S_R / (256 * BOARD_I2S_DIVIDER)))
 
+/* 1: the processor's own 12-bit converters instead of the codec, to bring a board up before its codec works. docs/guides/stm32f405.md has
+ * what that costs. Their sample clock is a timer of 84 MHz, which 50 kSa/s divides. */
+#ifndef BOARD_INTERNAL_CONVERTERS
+#define BOARD_INTERNAL_CONVERTERS 0
+#endif
+#if BOARD_INTERNAL_CONVERTERS && BOARD_SAMPLE_RATE_HZ != 50000
+#error "the internal converters have 50000 Hz"
+#endif
+
 /* Codes of the codec: 24 bits in 32-bit slots. */
-#define BOARD_CODEC_BITS 24
+#define BOARD_CONVERTER_BITS (BOARD_INTERNAL_CONVERTERS ? 12 : 24)
+#define BOARD_SAMPLES_IRQ    (BOARD_INTERNAL_CONVERTERS ? IRQ_ADC : IRQ_DMA1_Stream3)
 
 /* Group delay of the codec's two filters, from its data sheet, in samples. Single speed (to 50 kSa/s) and double speed differ. They
  * count for the compiled-in calibration only; a calibration carries the delay that was measured. */
@@ -52,6 +62,9 @@
 
 /* From a sample's arrival to the moment its answer leaves: it fills the block, and its answer waits for the next one to play. */
 #define BOARD_LOOP_DELAY_SAMPLES (BOARD_CODEC_ADC_DELAY_SAMPLES + BOARD_CODEC_DAC_DELAY_SAMPLES + 2 * BOARD_BLOCK_FRAMES)
+
+/* The internal converters have no filters: one sample from the trigger to the next one, which lets the force out, and half a sample of hold. */
+#define BOARD_LOOP_DELAY_Q16 (BOARD_INTERNAL_CONVERTERS ? 3u << 15 : BOARD_LOOP_DELAY_SAMPLES * 65536u)
 
 #define BOARD_BAUD 921600u
 

@@ -78,7 +78,7 @@ struct clock clock_set_up(void)
     clock.core_hz = 168000000;
     clock.apb1_hz = 42000000;
     clock.apb2_hz = 84000000;
-    clock.sample_clock = start_sample_clock();
+    clock.sample_clock = BOARD_INTERNAL_CONVERTERS != 0 || start_sample_clock();
     if (clock.crystal) {
         RCC_CR |= RCC_CR_CSSON; /* should it stop later, the chip is reset and starts on the internal oscillator */
     }

@@ -1,4 +1,5 @@
-/* Clock tree: crystal -> PLL -> 168 MHz, crystal -> second PLL -> codec. Every step that must become ready has a time-out; a crystal
+/* Clock tree: crystal -> PLL -> 168 MHz, crystal -> second PLL -> codec (the internal
+ * converters hang on the first one). Every step that must become ready has a time-out; a crystal
  * that does not start is replaced by the internal oscillator, a PLL that does not lock by the oscillator itself. */
 #ifndef HAL_STM32F405_CLOCK_H
 #define HAL_STM32F405_CLOCK_H

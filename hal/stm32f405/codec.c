@@ -1,8 +1,6 @@
-#include "hal/stm32f405/codec.h"
-
-#include <stdatomic.h>
-
+/* The external stereo codec on I2S2, full duplex through DMA. Left is the primary axis, right the secondary one. The codec needs no control port. */
 #include "hal/stm32f405/board.h"
+#include "hal/stm32f405/converters.h"
 #include "hal/stm32f405/registers.h"
 #include "hal/stm32f405/startup.h"
 
@@ -11,16 +9,11 @@
 
 #define RESET_PIN       7 /* of port C, low resets */
 #define RESET_LOOPS     20000
-#define PAUSE_POLLS     1000000
 
 enum { DATA_24_BITS = 1, STANDARD_PHILIPS = 0, SLAVE_RECEIVES = 1, MASTER_TRANSMITS = 2 };
 enum { TO_PERIPHERAL = 1, HALF_WORDS = 1, HIGHEST = 3, CHANNEL_SPI2_TX = 0, CHANNEL_I2S2_EXT_RX = 3 };
 
-enum mode { MODE_SILENT, MODE_CONNECTED };
-
 static volatile uint16_t received[2][BLOCK_WORDS], transmitted[2][BLOCK_WORDS];
-static _Atomic uint32_t mode, frames, samples_lost;
-static int32_t low[2] = {INT32_MAX, INT32_MAX}, high[2] = {INT32_MIN, INT32_MIN}; /* extremes of the codes until connected */
 
 /* ---- set-up -------------------------------------------------------------------------------------------------------------------- */
 
@@ -66,12 +59,12 @@ static void set_up_dma(void)
     DMA1_S4CR |= DMA1_S4CR_EN;
 }
 
-void codec_start(void)
+void converters_start(void)
 {
     set_up_pins();
     set_up_i2s();
     set_up_dma();
-    startup_enable_interrupt(IRQ_DMA1_Stream3, BOARD_PRIORITY_SAMPLES);
+    startup_enable_interrupt(BOARD_SAMPLES_IRQ, BOARD_PRIORITY_SAMPLES);
     I2S2ext_I2SCFGR |= I2S2ext_I2SCFGR_I2SE; /* the slave first, so that it sees the first word select */
     SPI2_I2SCFGR |= SPI2_I2SCFGR_I2SE;
     for (uint32_t i = 0; i < RESET_LOOPS; i++) { /* the codec wants its master clock before reset ends */
@@ -94,81 +87,30 @@ static void put_code(volatile uint16_t words[2], int32_t code)
     words[1] = (uint16_t)((uint32_t)code << 8);
 }
 
-static void watch(const int32_t adc_raw[2])
-{
-    for (unsigned channel = 0; channel < 2; channel++) {
-        low[channel] = adc_raw[channel] < low[channel] ? adc_raw[channel] : low[channel];
-        high[channel] = adc_raw[channel] > high[channel] ? adc_raw[channel] : high[channel];
-    }
-}
-
-static void one_frame(const volatile uint16_t in[WORDS_PER_FRAME], volatile uint16_t out[WORDS_PER_FRAME], bool connected)
+static void one_frame(const volatile uint16_t in[WORDS_PER_FRAME], volatile uint16_t out[WORDS_PER_FRAME])
 {
     const int32_t adc_raw[2] = {code_of(in), code_of(in + 2)};
-    int32_t dac_raw[2] = {0, 0};
-    if (connected) {
-        codec_frame(adc_raw, dac_raw);
-    } else {
-        watch(adc_raw);
-    }
+    int32_t dac_raw[2];
+    converters_exchange(adc_raw, dac_raw);
     put_code(out, dac_raw[0]);
     put_code(out + 2, dac_raw[1]);
 }
 
 /* The block that is complete is the one the DMA is not in. When both flags stand, the one before it was missed. */
-void dma1_stream3_handler(void)
+void converters_handler(void)
 {
     uint32_t flags = DMA1_LISR & (DMA1_LISR_HTIF3 | DMA1_LISR_TCIF3);
     uint32_t block = DMA1_S3NDTR > BLOCK_WORDS ? 1 : 0;
-    bool connected = atomic_load_explicit(&mode, memory_order_relaxed) == MODE_CONNECTED;
     DMA1_LIFCR = DMA1_LIFCR_CHTIF3 | DMA1_LIFCR_CTCIF3;
-    if (connected && flags == (DMA1_LISR_HTIF3 | DMA1_LISR_TCIF3)) {
-        atomic_fetch_add_explicit(&samples_lost, BOARD_BLOCK_FRAMES, memory_order_relaxed);
+    if (flags == (DMA1_LISR_HTIF3 | DMA1_LISR_TCIF3)) {
+        converters_note_lost(BOARD_BLOCK_FRAMES);
     }
     for (unsigned i = 0; i < BLOCK_WORDS; i += WORDS_PER_FRAME) {
-        one_frame(&received[block][i], &transmitted[block][i], connected);
-    }
-    atomic_fetch_add_explicit(&frames, BOARD_BLOCK_FRAMES, memory_order_relaxed);
-}
-
-/* ---- background ---------------------------------------------------------------------------------------------------------------- */
-
-uint32_t codec_frames(void)
-{
-    return atomic_load_explicit(&frames, memory_order_relaxed);
-}
-
-uint32_t codec_samples_lost(void)
-{
-    return atomic_load_explicit(&samples_lost, memory_order_relaxed);
-}
-
-/* A converter that works never repeats itself to the last of 24 bits. */
-bool codec_moves(void)
-{
-    atomic_signal_fence(memory_order_acquire);
-    return low[0] < high[0] && low[1] < high[1];
-}
-
-void codec_connect(void)
-{
-    atomic_store_explicit(&mode, MODE_CONNECTED, memory_order_relaxed);
-}
-
-/* Both blocks hold zeros after two more interrupts; a third makes sure. Without a running codec there is nothing to wait for. */
-void codec_pause(void)
-{
-    atomic_store_explicit(&mode, MODE_SILENT, memory_order_relaxed);
-    uint32_t first = codec_frames();
-    for (uint32_t i = 0; i < PAUSE_POLLS && first != 0 && codec_frames() - first < 3 * BOARD_BLOCK_FRAMES; i++) {
+        one_frame(&received[block][i], &transmitted[block][i]);
     }
 }
 
-/* What the DMA has signalled meanwhile belongs to the pause and is no loss. */
-void codec_resume(void)
+void converters_driver_forget(void)
 {
     DMA1_LIFCR = DMA1_LIFCR_CHTIF3 | DMA1_LIFCR_CTCIF3;
-    if (codec_frames() != 0) {
-        codec_connect();
-    }
 }

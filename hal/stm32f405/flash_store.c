@@ -2,7 +2,7 @@
 
 #include "hal/hal.h"
 #include "hal/stm32f405/clock.h"
-#include "hal/stm32f405/codec.h"
+#include "hal/stm32f405/converters.h"
 #include "hal/stm32f405/registers.h"
 #include "hal/stm32f405/watchdog.h"
 
@@ -65,12 +65,12 @@ int flash_store_erase(void *context, uint32_t sector)
     if (outside(sector, 0, 0)) {
         return HAL_ERROR_ADDRESS;
     }
-    codec_pause();
+    converters_pause();
     watchdog_kick(context);
     bool done = finished() && unlock() && erase(FIRST_SECTOR + sector);
     lock();
     watchdog_kick(context);
-    codec_resume();
+    converters_resume();
     return done ? HAL_OK : HAL_ERROR_STORE;
 }
 
@@ -93,10 +93,10 @@ int flash_store_program(void *context, uint32_t sector, uint32_t offset, const u
     if (outside(sector, offset, count) || offset % FLASH_STORE_PROGRAM_BYTES != 0 || count % FLASH_STORE_PROGRAM_BYTES != 0) {
         return HAL_ERROR_ADDRESS;
     }
-    codec_pause();
+    converters_pause();
     bool done = finished() && unlock() && program(addresses[sector] + offset, bytes, count);
     lock();
-    codec_resume();
+    converters_resume();
     return done ? HAL_OK : HAL_ERROR_STORE;
 }
 

@@ -13,7 +13,7 @@
 bool flash_store_check(void);
 
 /* background; as store_erase, store_program and store_read of hal/hal.h. The processor stands still meanwhile (one bank: it cannot
- * fetch); the codec is paused. Erasing takes up to 1.1 s. */
+ * fetch); the converters are paused. Erasing takes up to 1.1 s. */
 int flash_store_erase(void *context, uint32_t sector);
 int flash_store_program(void *context, uint32_t sector, uint32_t offset, const uint8_t *bytes, uint32_t count);
 int flash_store_read(void *context, uint32_t sector, uint32_t offset, uint8_t *bytes, uint32_t count);

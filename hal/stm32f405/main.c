@@ -2,7 +2,7 @@
 #include "application/application.h"
 #include "hal/stm32f405/board.h"
 #include "hal/stm32f405/clock.h"
-#include "hal/stm32f405/codec.h"
+#include "hal/stm32f405/converters.h"
 #include "hal/stm32f405/flash_store.h"
 #include "hal/stm32f405/self_test.h"
 #include "hal/stm32f405/serial.h"
@@ -19,7 +19,7 @@ static uint32_t frames_at_kick; /* when the sample path was last seen alive */
 
 /* ---- interrupt ----------------------------------------------------------------------------------------------------------------- */
 
-void codec_frame(const int32_t adc_raw[2], int32_t dac_raw[2])
+void converters_frame(const int32_t adc_raw[2], int32_t dac_raw[2])
 {
     application_sample(&application, adc_raw, dac_raw);
 }
@@ -44,12 +44,12 @@ static uint64_t time_us(void *context)
 /* Called from the main loop, it stands for the background; the frames stand for the interrupt. */
 static void kick_while_alive(void *context)
 {
-    uint32_t frames = codec_frames();
+    uint32_t frames = converters_frames();
     if (frames != frames_at_kick || atomic_load_explicit(&silent, memory_order_relaxed)) {
         frames_at_kick = frames;
         watchdog_kick(context);
     }
-    self_test.samples_lost = codec_samples_lost();
+    self_test.samples_lost = converters_samples_lost();
 }
 
 static const struct hal port = {
@@ -70,9 +70,9 @@ static void describe_board(void)
     properties = (struct hal_properties){
         .unique_id = self_test_unique_id(),
         .sample_rate_millihz = BOARD_SAMPLE_RATE_MILLIHZ,
-        .adc_bits = BOARD_CODEC_BITS,
-        .dac_bits = BOARD_CODEC_BITS,
-        .loop_delay_samples_q16 = BOARD_LOOP_DELAY_SAMPLES * 65536u,
+        .adc_bits = BOARD_CONVERTER_BITS,
+        .dac_bits = BOARD_CONVERTER_BITS,
+        .loop_delay_samples_q16 = BOARD_LOOP_DELAY_Q16,
         .store_sector_bytes = FLASH_STORE_SECTOR_BYTES,
         .store_program_bytes = FLASH_STORE_PROGRAM_BYTES,
     };
@@ -89,7 +89,7 @@ int main(void)
         startup_reset(); /* cannot be: the block that is compiled in suits the board, which a test holds */
     }
     if ((self_test.failed & HAL_PART_CONVERTERS) == 0) {
-        codec_connect();
+        converters_connect();
     } else {
         atomic_store_explicit(&silent, true, memory_order_relaxed);
     }

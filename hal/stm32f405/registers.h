@@ -48,10 +48,14 @@
 #define RCC_AHB1ENR_GPIOCEN      BIT(2)
 #define RCC_AHB1ENR_DMA1EN       BIT(21)
 #define RCC_APB1ENR              REGISTER(RCC_BASE, 0x40)
+#define RCC_APB1ENR_TIM2EN       BIT(0)
 #define RCC_APB1ENR_SPI2EN       BIT(14)
 #define RCC_APB1ENR_I2C1EN       BIT(21)
+#define RCC_APB1ENR_DACEN        BIT(29)
 #define RCC_APB2ENR              REGISTER(RCC_BASE, 0x44)
 #define RCC_APB2ENR_USART1EN     BIT(4)
+#define RCC_APB2ENR_ADC1EN       BIT(8)
+#define RCC_APB2ENR_ADC2EN       BIT(9)
 #define RCC_CSR                  REGISTER(RCC_BASE, 0x74)
 #define RCC_CSR_LSION            BIT(0)
 #define RCC_CSR_LSIRDY           BIT(1)
@@ -181,6 +185,54 @@
 #define I2S2ext_I2SCFGR_I2SE     BIT(10)
 #define I2S2ext_I2SCFGR_I2SMOD   BIT(11)
 
+/* ---- internal converters: two ADCs and both DACs on one timer ---------------------------------------------------------------- */
+
+#define ADC1_BASE                UINT32_C(0x40012000)
+#define ADC1_SR                  REGISTER(ADC1_BASE, 0x00)
+#define ADC1_SR_EOC              BIT(1)
+#define ADC1_SR_OVR              BIT(5)
+#define ADC1_CR1                 REGISTER(ADC1_BASE, 0x04)
+#define ADC1_CR1_EOCIE           BIT(5)
+#define ADC1_CR2                 REGISTER(ADC1_BASE, 0x08)
+#define ADC1_CR2_ADON            BIT(0)
+#define ADC1_CR2_EOCS            BIT(10)
+#define ADC1_CR2_EXTSEL(v)       FIELD(v, 24, 4)
+#define ADC1_CR2_EXTEN(v)        FIELD(v, 28, 2)
+#define ADC1_SMPR2               REGISTER(ADC1_BASE, 0x10)
+#define ADC1_SQR3                REGISTER(ADC1_BASE, 0x34)
+#define ADC1_SQR3_SQ1(v)         FIELD(v, 0, 5)
+#define ADC1_DR                  REGISTER(ADC1_BASE, 0x4C)
+#define ADC2_BASE                UINT32_C(0x40012100)
+#define ADC2_SR                  REGISTER(ADC2_BASE, 0x00)
+#define ADC2_CR2                 REGISTER(ADC2_BASE, 0x08)
+#define ADC2_CR2_ADON            BIT(0)
+#define ADC2_CR2_EOCS            BIT(10)
+#define ADC2_SMPR2               REGISTER(ADC2_BASE, 0x10)
+#define ADC2_SQR3                REGISTER(ADC2_BASE, 0x34)
+#define ADC2_SQR3_SQ1(v)         FIELD(v, 0, 5)
+#define ADC2_DR                  REGISTER(ADC2_BASE, 0x4C)
+#define C_ADC_BASE               UINT32_C(0x40012300)
+#define C_ADC_CCR                REGISTER(C_ADC_BASE, 0x04)
+#define C_ADC_CCR_MULT(v)        FIELD(v, 0, 5)
+#define C_ADC_CCR_ADCPRE(v)      FIELD(v, 16, 2)
+#define DAC_BASE                 UINT32_C(0x40007400)
+#define DAC_CR                   REGISTER(DAC_BASE, 0x00)
+#define DAC_CR_EN1               BIT(0)
+#define DAC_CR_TEN1              BIT(2)
+#define DAC_CR_TSEL1(v)          FIELD(v, 3, 3)
+#define DAC_CR_EN2               BIT(16)
+#define DAC_CR_TEN2              BIT(18)
+#define DAC_CR_TSEL2(v)          FIELD(v, 19, 3)
+#define DAC_DHR12RD              REGISTER(DAC_BASE, 0x20)
+#define DAC_DHR12RD_DACC1DHR(v)  FIELD(v, 0, 12)
+#define DAC_DHR12RD_DACC2DHR(v)  FIELD(v, 16, 12)
+#define TIM2_BASE                UINT32_C(0x40000000)
+#define TIM2_CR1                 REGISTER(TIM2_BASE, 0x00)
+#define TIM2_CR1_CEN             BIT(0)
+#define TIM2_CR2                 REGISTER(TIM2_BASE, 0x04)
+#define TIM2_CR2_MMS(v)          FIELD(v, 4, 3)
+#define TIM2_ARR                 REGISTER(TIM2_BASE, 0x2C)
+
 /* ---- serial line ------------------------------------------------------------------------------------------------------- */
 
 #define USART1_BASE              UINT32_C(0x40011000)
@@ -254,6 +306,7 @@
 /* ---- interrupts ---------------------------------------------------------------------------------------------------------- */
 
 #define IRQ_DMA1_Stream3 14
+#define IRQ_ADC          18
 #define IRQ_USART1       37
 #define IRQ_COUNT        82
 

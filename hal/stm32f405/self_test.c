@@ -1,7 +1,7 @@
 #include "hal/stm32f405/self_test.h"
 
 #include "application/crc32.h"
-#include "hal/stm32f405/codec.h"
+#include "hal/stm32f405/converters.h"
 #include "hal/stm32f405/flash_store.h"
 #include "hal/stm32f405/registers.h"
 #include "hal/stm32f405/startup.h"
@@ -9,7 +9,7 @@
 #include "hal/stm32f405/ticks.h"
 #include "hal/stm32f405/watchdog.h"
 
-#define CODEC_PATIENCE_MS       100 /* from the end of its reset to samples that mean something */
+#define CONVERTERS_PATIENCE_MS       100 /* from the end of its reset to samples that mean something */
 #define THERMOMETER_PATIENCE_MS 20
 #define ODD_CONSTANT            UINT64_C(0x9E3779B97F4A7C15) /* spreads the third word over all bits */
 
@@ -52,18 +52,18 @@ static bool thermometer_answers(void)
 }
 
 /* Samples are not asked for without their clock. */
-static void test_codec(struct hal_self_test *test, struct clock clock)
+static void test_converters(struct hal_self_test *test, struct clock clock)
 {
     if (clock.sample_clock) {
         uint32_t first_ms = ticks_ms();
-        codec_start();
-        while (ticks_ms() - first_ms < CODEC_PATIENCE_MS) {
+        converters_start();
+        while (ticks_ms() - first_ms < CONVERTERS_PATIENCE_MS) {
         }
     }
-    bool frames = codec_frames() > 0;
+    bool frames = converters_frames() > 0;
     note(test, HAL_PART_CONVERTERS, frames);
     if (frames) {
-        note(test, HAL_PART_PICKOFFS, codec_moves());
+        note(test, HAL_PART_PICKOFFS, converters_move());
     }
 }
 
@@ -89,7 +89,7 @@ struct hal_self_test self_test_run(struct clock clock)
     note(&test, HAL_PART_STORE, flash_store_check());
     thermometer_start(clock.apb1_hz);
     note(&test, HAL_PART_THERMOMETER, thermometer_answers());
-    test_codec(&test, clock);
+    test_converters(&test, clock);
     note(&test, HAL_PART_WATCHDOG, watchdog_start());
     return test;
 }

@@ -7,7 +7,7 @@
 #include "hal/hal.h"
 #include "hal/stm32f405/clock.h"
 
-/* All parts, in an order in which each one can rely on those before. Starts the codec and the watchdog; takes up to 0.2 s. */
+/* All parts, in an order in which each one can rely on those before. Starts the converters and the watchdog; takes up to 0.2 s. */
 struct hal_self_test self_test_run(struct clock clock);
 
 /* The chip's number, folded into 64 bits; 0 when it cannot be read. */

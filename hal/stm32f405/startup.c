@@ -2,6 +2,8 @@
 #include "hal/stm32f405/startup.h"
 
 #include "hal/cortex_m/memory.h"
+#include "hal/stm32f405/board.h"
+#include "hal/stm32f405/converters.h"
 #include "hal/stm32f405/registers.h"
 
 #define FAULT_MARK UINT32_C(0x464C5457)
@@ -146,5 +148,5 @@ __attribute__((section(".vectors"), used)) static const struct vector_table vect
     .system = {[RESET] = reset_handler, [NMI] = nmi_handler, [HARD_FAULT] = fault_handler, [MEMORY_FAULT] = fault_handler,
                [BUS_FAULT] = fault_handler, [USAGE_FAULT] = fault_handler, [SUPERVISOR] = fault_handler,
                [DEBUG_MONITOR] = fault_handler, [PENDABLE] = fault_handler, [SYSTICK] = systick_handler},
-    .interrupt = {[IRQ_DMA1_Stream3] = dma1_stream3_handler, [IRQ_USART1] = usart1_handler},
+    .interrupt = {[BOARD_SAMPLES_IRQ] = converters_handler, [IRQ_USART1] = usart1_handler},
 };

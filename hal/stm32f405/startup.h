@@ -6,7 +6,6 @@
 #include <stdint.h>
 
 void systick_handler(void);
-void dma1_stream3_handler(void);
 void usart1_handler(void);
 
 /* Address of the instruction whose fault ended the run before, 0 if it did not end so. Taken once. */

@@ -89,3 +89,8 @@ def test_the_largest_image_fits(tmp_path):
 def test_tool_and_port_must_agree(tool, port):
     with pytest.raises(BadInput, match="--port"):
         flash.choose(tool, port)
+
+
+def test_bringup_has_one_rate(capsys):
+    assert main(["flash", "--dry-run", "--no-build", "--bringup", "--rate", "96000"]) == 2
+    assert "50000" in capsys.readouterr().err

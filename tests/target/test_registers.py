@@ -54,6 +54,9 @@ def registers_of(name: str, peripherals) -> dict[str, ElementTree.Element]:
 
 
 def split(name: str) -> tuple[str, str]:
+    of_all_adcs = "C_ADC_"
+    if name.startswith(of_all_adcs):
+        return of_all_adcs[:-1], name.removeprefix(of_all_adcs)
     peripheral, _, register = name.partition("_")
     return peripheral, register
 

@@ -101,6 +101,17 @@ def test_other_sample_rates_boot(program, rate):
     assert Identity.of(frames.identity[0]).sample_rate_hz == pytest.approx(rate, rel=2e-4)
 
 
+def test_bringup_image_boots(program):
+    """The same application with the internal converters: it says how many bits they have."""
+    bringup = program.with_stem(f"{program.stem}_bringup")
+    with Boot(bringup) as board:
+        frames = until(board, decoder := Decoder(), lambda frames: len(frames.output) >= 2)
+    identity = Identity.of(frames.identity[0])
+    assert (identity.sample_rate_hz, identity.adc_bits, identity.dac_bits) == (50_000, 12, 12)
+    assert parts(frames.self_test["failed"][0]) == MISSING and decoder.statistics.bad_crc == 0
+    assert zlib.crc32((binary := bringup.with_suffix(".bin").read_bytes())[:-4]) == struct.unpack("<I", binary[-4:])[0]
+
+
 # ---- boot ------------------------------------------------------------------------------------------------------------------
 
 

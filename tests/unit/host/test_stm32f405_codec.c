@@ -9,6 +9,7 @@ static volatile uint32_t *plain_register(uint32_t address);
 #define REGISTER(base, offset) (*plain_register((base) + (offset)))
 
 #include "../../../hal/stm32f405/codec.c"
+#include "../../../hal/stm32f405/converters.c"
 
 static uint32_t memory[0x30000 / 4]; /* 0x40000000 .. 0x4002FFFF */
 static int32_t seen[2], forces[2];
@@ -25,7 +26,7 @@ void startup_enable_interrupt(unsigned irq, unsigned priority)
     TEST_ASSERT_EQUAL_UINT(BOARD_PRIORITY_SAMPLES, priority);
 }
 
-void codec_frame(const int32_t adc_raw[2], int32_t dac_raw[2])
+void converters_frame(const int32_t adc_raw[2], int32_t dac_raw[2])
 {
     memcpy(seen, adc_raw, sizeof seen);
     memcpy(dac_raw, forces, sizeof forces);
@@ -42,7 +43,7 @@ static void block_arrives(unsigned block, int32_t left, int32_t right)
     }
     DMA1_LISR = block == 0 ? DMA1_LISR_HTIF3 : DMA1_LISR_TCIF3;
     DMA1_S3NDTR = block == 0 ? BLOCK_WORDS : 2 * BLOCK_WORDS;
-    dma1_stream3_handler();
+    converters_handler();
 }
 
 void setUp(void)
@@ -61,7 +62,7 @@ static void codes_keep_value_and_sign(void)
 {
     static const int32_t codes[] = {0, 1, -1, 255, -256, 0x123456, -0x123456, 0x7FFFFF, -0x800000};
     const unsigned count = sizeof codes / sizeof codes[0];
-    codec_connect();
+    converters_connect();
     for (unsigned i = 0; i < count; i++) {
         forces[0] = codes[(i + 2) % count];
         forces[1] = codes[(i + 5) % count];
@@ -80,13 +81,13 @@ static void no_force_before_it_is_connected_and_in_a_pause(void)
     block_arrives(0, 5, 6);
     TEST_ASSERT_EQUAL_UINT(0, calls);
     TEST_ASSERT_EQUAL_INT32(0, code_of(&transmitted[0][0]));
-    codec_connect();
+    converters_connect();
     block_arrives(1, 5, 6);
     TEST_ASSERT_EQUAL_INT32(1000, code_of(&transmitted[1][0]));
-    codec_pause();
+    converters_pause();
     block_arrives(1, 5, 6);
     TEST_ASSERT_EQUAL_INT32(0, code_of(&transmitted[1][0]));
-    codec_resume();
+    converters_resume();
     block_arrives(0, 5, 6);
     TEST_ASSERT_EQUAL_INT32(1000, code_of(&transmitted[0][0]));
     TEST_ASSERT_EQUAL_UINT(2, calls);
@@ -94,30 +95,30 @@ static void no_force_before_it_is_connected_and_in_a_pause(void)
 
 static void a_missed_block_is_counted(void)
 {
-    codec_connect();
+    converters_connect();
     block_arrives(0, 1, 1);
-    TEST_ASSERT_EQUAL_UINT32(0, codec_samples_lost());
+    TEST_ASSERT_EQUAL_UINT32(0, converters_samples_lost());
     DMA1_LISR = DMA1_LISR_HTIF3 | DMA1_LISR_TCIF3;
-    dma1_stream3_handler();
-    TEST_ASSERT_EQUAL_UINT32(BOARD_BLOCK_FRAMES, codec_samples_lost());
+    converters_handler();
+    TEST_ASSERT_EQUAL_UINT32(BOARD_BLOCK_FRAMES, converters_samples_lost());
 }
 
 static void dead_inputs_are_noticed(void)
 {
-    TEST_ASSERT_FALSE(codec_moves() && calls > 0);
+    TEST_ASSERT_FALSE(converters_move() && calls > 0);
     low[0] = low[1] = INT32_MAX;
     high[0] = high[1] = INT32_MIN;
-    TEST_ASSERT_FALSE(codec_moves());
+    TEST_ASSERT_FALSE(converters_move());
     block_arrives(0, 0x7FFFFF, 3);
     block_arrives(1, 0x7FFFFF, 4);
-    TEST_ASSERT_FALSE(codec_moves());
+    TEST_ASSERT_FALSE(converters_move());
     block_arrives(0, 0x7FFFFE, 4);
-    TEST_ASSERT_TRUE(codec_moves());
+    TEST_ASSERT_TRUE(converters_move());
 }
 
 static void set_up_gives_the_clock_divider_and_the_slave_before_the_master(void)
 {
-    codec_start();
+    converters_start();
     TEST_ASSERT_EQUAL_HEX32(0x302, SPI2_I2SPR);        /* master clock, odd: 2 x 2 + 1 = 5 */
     TEST_ASSERT_EQUAL_HEX32(0xE03, SPI2_I2SCFGR);      /* I2S, enabled, master transmits, 24 in 32 bits */
     TEST_ASSERT_EQUAL_HEX32(0xD03, I2S2ext_I2SCFGR);   /* I2S, enabled, slave receives, 24 in 32 bits */

@@ -97,12 +97,12 @@ bool clock_wait(const volatile uint32_t *address, uint32_t mask, uint32_t value,
     return (*address & mask) == value;
 }
 
-void codec_pause(void)
+void converters_pause(void)
 {
     pauses++;
 }
 
-void codec_resume(void)
+void converters_resume(void)
 {
     pauses--;
 }

@@ -19,7 +19,7 @@ MEMORY_BAR_BYTES = 16 * 1024
 
 _PORT = paths.repository_root() / "hal" / "stm32f405"
 _BACKGROUND = "reset_handler"
-_SAMPLES = "dma1_stream3_handler"
+_SAMPLES = "converters_handler"
 _INTERRUPTS = (_SAMPLES, "usart1_handler", "systick_handler", "fault_handle")  # each on a priority of its own
 _EXCEPTION_BYTES = 36  # eight registers and the alignment
 
