@@ -7,7 +7,7 @@ from wineglass import device as devices
 from wineglass.errors import BadInput
 from wineglass.fields import rows
 
-SHIPPED = ["metal", "metal-fast", "paper", "paper-fast", "silica", "silica-fast"]
+SHIPPED = ["metal", "metal-bringup", "metal-fast", "paper", "paper-fast", "silica", "silica-fast"]
 
 
 def refusal(change: dict) -> str:
