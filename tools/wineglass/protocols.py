@@ -193,7 +193,7 @@ def scenario(name: str | Path | Protocol, device: str | Device = DEVICE, loop: L
         recording=Recording(baseband_hz=record_hz, output_hz=record_hz, reference_hz=record_hz,
                             bursts=[Burst(time_s=part.at(at), samples=protocol.burst_samples) for part in parts for at in part.segment.bursts]),
         segment=[Segment(name=part.segment.name, begin_s=part.begin_s, end_s=part.end_s, what=describe(part, described, loop)) for part in parts],
-        command=[command for part in parts for command in commands(part, described)],
+        command=[command for part in parts for command in commands(part, described) if command.at_s < parts[-1].end_s],
     )
     return made.changed(changes, f"protocol {protocol.name}")
 
