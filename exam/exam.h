@@ -60,7 +60,7 @@ struct exam_event {
 
 struct exam_cfg {
     double sample_rate_hz, carrier_hz; /* nominal */
-    uint32_t block_samples;            /* 5 .. 4096, a multiple of 5 */
+    uint32_t block_samples;            /* 1 .. 4096 */
     uint32_t adc_bits, dac_bits;
     uint32_t dac_latency_samples;      /* 0 .. 7 */
     uint32_t serial;

@@ -14,7 +14,7 @@ static bool is_possible(const struct exam_cfg *cfg)
         places = places && cfg->tone_place[i] < NO_PLACE;
     }
     return places && cfg->sample_rate_hz > 0.0 && cfg->carrier_hz > 0.0 && cfg->carrier_hz <= 0.4 * cfg->sample_rate_hz &&
-           cfg->block_samples >= EXAM_SUB_BLOCKS && cfg->block_samples <= 4096 && cfg->block_samples % EXAM_SUB_BLOCKS == 0 &&
+           cfg->block_samples >= 1 && cfg->block_samples <= 4096 &&
            cfg->dac_latency_samples <= EXAM_LATENCY_MAX && cfg->jitter_memory >= 0.0 && cfg->jitter_memory < 1.0 &&
            (cfg->curve_count == 0 || cfg->curve_count >= 2);
 }
@@ -229,7 +229,7 @@ static void middle_of(const double *from, const double *to, exam_numbers q)
 
 static void block(struct exam *exam, const double *from, const double *to, int32_t *codes)
 {
-    struct exam_step ends[2], step;
+    struct exam_step ends[2], step, stride;
     exam_numbers q;
     steps_of(exam, from, to, ends);
     middle_of(from, to, q);
@@ -238,12 +238,10 @@ static void block(struct exam *exam, const double *from, const double *to, int32
         exam->lag[mode][0] = cos(q[EXAM_LAG_1 + mode]);
         exam->lag[mode][1] = sin(q[EXAM_LAG_1 + mode]);
     }
-    uint32_t part = exam->cfg.block_samples / EXAM_SUB_BLOCKS;
+    exam_step_walk(&ends[0], &ends[1], exam->cfg.block_samples, &step, &stride);
     for (uint32_t i = 0; i < exam->cfg.block_samples; i++) {
-        if (i % part == 0) {
-            exam_step_between(&ends[0], &ends[1], (i / part + 0.5) / EXAM_SUB_BLOCKS, &step);
-        }
         sample(exam, &step, q, codes == NULL ? NULL : &codes[4 * i]);
+        exam_step_stride(&step, &stride);
     }
 }
 

@@ -9,7 +9,7 @@
 #include "exam/random.h"
 #include "exam/shell.h"
 
-enum { EXAM_SUB_BLOCKS = 5, EXAM_LATENCY_MAX = 7, EXAM_TONES = 3 };
+enum { EXAM_LATENCY_MAX = 7, EXAM_TONES = 3 };
 
 /* A tone's phasor, turned once a sample. */
 struct exam_tone {

@@ -100,11 +100,12 @@ void exam_step_make(const struct exam_shell *shell, double carrier_rad_s, double
     }
 }
 
-void exam_step_between(const struct exam_step *a, const struct exam_step *b, double at, struct exam_step *step)
+void exam_step_walk(const struct exam_step *a, const struct exam_step *b, double count, struct exam_step *first, struct exam_step *stride)
 {
     const double *from = (const double *)a, *to = (const double *)b;
-    double *out = (double *)step;
+    double *start = (double *)first, *by = (double *)stride;
     for (int i = 0; i < EXAM_STEP_NUMBERS; i++) {
-        out[i] = from[i] + at * (to[i] - from[i]);
+        by[i] = (to[i] - from[i]) / count;
+        start[i] = from[i] + 0.5 * by[i];
     }
 }

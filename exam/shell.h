@@ -29,8 +29,18 @@ enum { EXAM_STEP_NUMBERS = sizeof(struct exam_step) / sizeof(double) };
 
 void exam_step_make(const struct exam_shell *shell, double carrier_rad_s, double period_s, struct exam_step *step);
 
-/* Step at the fraction `at` of the way from a to b. */
-void exam_step_between(const struct exam_step *a, const struct exam_step *b, double at, struct exam_step *step);
+/* For a walk from a to b in `count` steps: the first one (half a stride from a) and the stride. The walk must go on in every single period: numbers
+ * held over several periods would rise in steps whose harmonics fall on twice the carrier, and mix the carrier with itself. */
+void exam_step_walk(const struct exam_step *a, const struct exam_step *b, double count, struct exam_step *first, struct exam_step *stride);
+
+static inline void exam_step_stride(struct exam_step *step, const struct exam_step *stride)
+{
+    double *numbers = (double *)step;
+    const double *strides = (const double *)stride;
+    for (int i = 0; i < EXAM_STEP_NUMBERS; i++) {
+        numbers[i] += strides[i];
+    }
+}
 
 static inline void exam_step_apply(const struct exam_step *step, const double now[2], const double before[2], double state[4])
 {

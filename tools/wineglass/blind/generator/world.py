@@ -17,7 +17,7 @@ from wineglass.device import Device
 from wineglass.scenario import Scenario
 
 COARSE_S = 0.1  # grid of what is slow even for temperatures
-MOUNT_SHARE, RIM_SHARE = 1e-3, 5e-4  # of the shell's time constant: the mount before it, the rim behind the thermometer
+MOUNT_SHARE, RIM_SHARE = 3e-4, 1e-4  # of the shell's time constant: the mount before it, the rim behind the thermometer
 ELECTRONICS_LAG = 3.0  # of the shell's time constant: board and converters follow the chamber
 FLOOR_SHARE = 0.7  # of the described noise floors that this device has
 
