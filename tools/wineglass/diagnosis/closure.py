@@ -1,0 +1,282 @@
+"""Closes an explanation on the envelope twin: effects are not linear in their parameters, and shapes (times, widths, axes) are fitted too.
+
+Gauss-Newton with Broyden's updates: the responses of the linear pass are the first Jacobian, every further run of the twin gives a residual
+and one more row of knowledge about it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from wineglass import effects
+from wineglass.diagnosis.explain import Explained, Support, explained, posterior_mean, prior_of
+from wineglass.diagnosis.responses import POLAR, REACH, Bench, Responses, Variant
+from wineglass.diagnosis.system import Products, System, products
+from wineglass.effects import Setting
+from wineglass.errors import BadInput
+
+RUNS = 40
+SLOW = 0.4  # share of what the linear system promised that a good step keeps; after a worse one the Jacobian is computed anew
+ENOUGH = 0.3  # nats promised: then it is closed
+NEGLIGIBLE = 1e-4  # of a prior's spread
+SHAPE_STEP = 0.05
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One fitted number. role: 'strength', 'shape', 'cosine' or 'sine' (of double the axis); the prior is normal about `middle`."""
+
+    effect: str
+    name: str
+    role: str
+    start: float
+    middle: float
+    spread: float
+    low: float
+    high: float
+
+
+@dataclass
+class Closed:
+    """values (k,) of unknowns; products: of nuisances and unknowns about these values; entry: evidence, filled by `weigh`."""
+
+    support: Support
+    variants: tuple[Variant, ...]
+    unknowns: list[Unknown]
+    values: np.ndarray
+    jacobian: np.ndarray
+    """(k, channels, n) in the channels' units"""
+    response: np.ndarray
+    """(channels, n): what the effects do, in the channels' units"""
+    products: Products
+    runs: int
+    entry: Explained = field(init=False)
+
+    @property
+    def settings(self) -> list[Setting]:
+        return settings_of(self.unknowns, self.values)
+
+    @property
+    def places(self) -> list[int]:
+        """Of nuisances and unknowns in the products: all of them."""
+        return list(range(self.products.count))
+
+    def weigh(self, softening: np.ndarray, nuisances: int, counts: dict[str, int]) -> Closed:
+        columns = list(range(nuisances, self.products.count))
+        self.entry = explained(self.products, softening, nuisances, columns, self.variants, prior_of(self.variants, counts))
+        return self
+
+
+def settings_of(unknowns: list[Unknown], values: np.ndarray) -> list[Setting]:
+    """Every effect switched on with these values, kept within their bounds."""
+    found: dict[str, dict[str, float]] = {}
+    for unknown, value in zip(unknowns, values, strict=True):
+        if unknown.role in ("strength", "shape"):
+            value = min(max(float(value), unknown.low), unknown.high)
+        found.setdefault(unknown.effect, {})[unknown.role if unknown.role in ("cosine", "sine") else unknown.name] = float(value)
+    return [Setting(effect, _polar(effect, given)) for effect, given in found.items()]
+
+
+def _polar(effect: str, given: dict[str, float]) -> dict[str, float]:
+    if effect not in POLAR:
+        return given
+    cosine, sine = given.pop("cosine"), given.pop("sine")
+    return {**given, POLAR[effect][0]: float(np.hypot(cosine, sine)), "axis_deg": float(np.degrees(0.5 * np.arctan2(sine, cosine)))}
+
+
+class Closer:
+    """What all closures of one recording have in common. pick: the system's channels among those of the bench; nuisance (m, channels, n):
+    whitened columns."""
+
+    def __init__(self, bench: Bench, system: System, responses: Responses, pick: list[int], nuisance: np.ndarray):
+        self.bench, self.system, self.responses, self.pick, self.nuisance = bench, system, responses, pick, nuisance
+        self._flat = nuisance.reshape(len(nuisance), -1)
+        self._factor = cho_factor(self._flat @ self._flat.T + np.eye(len(nuisance)))
+
+    def close(self, start: Explained) -> Closed:
+        unknowns, jacobian = _begin(self.bench, self.responses, self.pick, start)
+        return self._search(start.support, start.variants, unknowns, np.array([u.start for u in unknowns]), jacobian)
+
+    def without(self, closed: Closed, effect: str) -> Closed:
+        """The same explanation without one of its effects, closed again from where it was."""
+        keep = [i for i, unknown in enumerate(closed.unknowns) if unknown.effect != effect]
+        unknowns = [closed.unknowns[i] for i in keep]
+        variants = tuple(v for v in closed.variants if v.effect != effect)
+        return self._search(tuple(e for e in closed.support if e != effect), variants, unknowns, closed.values[keep], closed.jacobian[keep])
+
+    def cost_of(self, closed: Closed) -> float:
+        """Half the energy left plus the priors'."""
+        return self._solution(closed.products)[1]
+
+    def _search(self, support: Support, variants: tuple[Variant, ...], unknowns: list[Unknown], values: np.ndarray, jacobian: np.ndarray) -> Closed:
+        spread, middle = np.array([u.spread for u in unknowns]), np.array([u.middle for u in unknowns])
+        response = _respond(self.bench, self.pick, unknowns, values)
+        cost = self._cost(response, (values - middle) / spread)
+        runs, stride, fresh = 1, 1.0, False
+        found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
+        while runs < RUNS:
+            solution, promised_cost = self._solution(found)
+            promised = cost - promised_cost
+            trial = _within(unknowns, values + stride * (middle + solution * spread - values))
+            if promised < ENOUGH or stride < 0.02 or np.all(np.abs(trial - values) < NEGLIGIBLE * spread):
+                if fresh or promised < 0.0:
+                    break
+                gained = 0.0
+            else:
+                new = _respond(self.bench, self.pick, unknowns, trial)
+                runs += 1
+                new_cost = self._cost(new, (trial - middle) / spread)
+                jacobian = _broyden(jacobian, (trial - values) / spread, spread, new - response)
+                gained = cost - new_cost
+                if gained > 0.0:
+                    values, response, cost = trial, new, new_cost
+            if gained >= SLOW * promised:
+                stride, fresh = min(1.0, 2.0 * stride), False
+            elif fresh:
+                stride, fresh = 0.3 * stride, gained <= 0.0
+            else:
+                jacobian, fresh = self._differences(unknowns, values, response), True
+                runs += len(unknowns)
+            found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
+        return Closed(support, variants, unknowns, values, jacobian, response, found, runs)
+
+    def _differences(self, unknowns: list[Unknown], values: np.ndarray, response: np.ndarray) -> np.ndarray:
+        """The Jacobian (k, channels, n) at these values, by one run each."""
+        rows = []
+        for i, unknown in enumerate(unknowns):
+            step = SHAPE_STEP * (unknown.spread if unknown.role == "shape" else max(abs(values[i]), unknown.spread / REACH))
+            step = -step if values[i] + step > unknown.high and unknown.role in ("strength", "shape") else step
+            moved = values.copy()
+            moved[i] += step
+            rows.append((_respond(self.bench, self.pick, unknowns, moved) - response) / step)
+        return np.array(rows)
+
+    def _linear(self, jacobian: np.ndarray, response: np.ndarray, at: np.ndarray) -> Products:
+        """The system about the present values, its unknowns counted from their priors' middles, in spreads."""
+        columns = self.system.whiten(jacobian)
+        data = self.system.data - self.system.whiten(response) + np.einsum("kcn,k->cn", columns, at)
+        return products(self.system, np.concatenate([self.nuisance, columns]), data)
+
+    def _solution(self, found: Products) -> tuple[np.ndarray, float]:
+        """Where the linear system has its best point, in spreads from the middle, and the cost there."""
+        gram = found.pooled(np.ones(len(self.system.names)))
+        coefficients, _ = posterior_mean(gram, list(range(found.count)))
+        return coefficients[len(self.nuisance):], 0.5 * float(gram[-1, -1] - gram[:-1, -1] @ coefficients)
+
+    def _cost(self, response: np.ndarray, at: np.ndarray) -> float:
+        """Half the energy left, nuisances at their best, plus the prior's."""
+        left = (self.system.data - self.system.whiten(response)).ravel()
+        along = self._flat @ left
+        return 0.5 * float(left @ left - along @ cho_solve(self._factor, along) + at @ at)
+
+
+def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """The least change of the Jacobian (k, channels, n) that predicts the last change of the response."""
+    length = float(step @ step)
+    if length == 0.0:
+        return jacobian
+    missing = change - np.einsum("kcn,k->cn", jacobian, step * spread)
+    return jacobian + (step / length / spread)[:, None, None] * missing[None]
+
+
+def _within(unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
+    return np.array([v if u.role in ("cosine", "sine") else min(max(v, u.low), u.high) for u, v in zip(unknowns, values, strict=True)])
+
+
+def _respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
+    for _ in range(12):
+        try:
+            return (bench.run(settings_of(unknowns, values)) - bench.nominal)[pick]
+        except BadInput:
+            values = 0.5 * values
+    raise BadInput("no run of the envelope twin with these effects is possible", "diagnosis", "check the device description")
+
+
+# --- where it begins -------------------------------------------------------------------------------------------------------
+
+
+def _begin(bench: Bench, responses: Responses, pick: list[int], start: Explained) -> tuple[list[Unknown], np.ndarray]:
+    """Unknowns with their first values, and the first Jacobian."""
+    nuisances = len(responses.nuisances)
+    unknowns: list[Unknown] = []
+    rows: list[np.ndarray] = []
+    place = nuisances
+    for variant in start.variants:
+        coefficients = dict(zip(variant.columns, start.coefficients[place : place + len(variant.columns)], strict=True))
+        place += len(variant.columns)
+        found = _polar_start(responses, variant, coefficients) if variant.effect in POLAR else _straight_start(responses, variant, coefficients)
+        for unknown, column, per_unit in found:
+            unknowns.append(unknown)
+            rows.append(responses.values[column][pick] * per_unit)
+    shapes = [_shape(variant.effect, name, value) for variant in start.variants for name, value in variant.shapes.items()]
+    if shapes:
+        rows += _shape_rows(bench, pick, unknowns, shapes)
+    return [*unknowns, *shapes], np.array(rows)
+
+
+def _parameter(effect: str, name: str) -> effects.Parameter:
+    return next(p for p in effects.find(effect).parameters if p.name == name)
+
+
+def _straight_start(responses: Responses, variant: Variant, coefficients: dict[int, float]) -> list[tuple[Unknown, int, float]]:
+    found = []
+    for column in variant.columns:
+        probe = responses.columns[column].probe
+        assert probe is not None
+        record = _parameter(variant.effect, responses.columns[column].name)
+        unit = probe.values[record.name]
+        whole = responses.columns[column].scale != REACH
+        value = unit * coefficients[column] * responses.columns[column].scale
+        if whole:
+            value = min(max(value, 0.2 * unit), 5.0 * unit)
+        spread = abs(unit) if whole else REACH * abs(record.typical)
+        value = min(max(value, record.low), record.high)
+        unknown = Unknown(variant.effect, record.name, "strength", value, unit if whole else 0.0, spread, record.low, record.high)
+        found.append((unknown, column, 1.0 / unit))
+    return found
+
+
+def _polar_start(responses: Responses, variant: Variant, coefficients: dict[int, float]) -> list[tuple[Unknown, int, float]]:
+    """Columns come as (size, slope) at 0 deg and (size, slope) at 45 deg; the slope follows the axis of the size."""
+    size, slope = POLAR[variant.effect]
+    place = {(responses.columns[c].name, responses.columns[c].probe.values["axis_deg"]): c for c in variant.columns}  # type: ignore[union-attr]
+    record, slant = _parameter(variant.effect, size), _parameter(variant.effect, slope)
+
+    def value(name: str, axis: float) -> float:
+        column = place[name, axis]
+        return coefficients[column] * responses.columns[column].scale * responses.columns[column].probe.values[name]  # type: ignore[union-attr]
+
+    cosine, sine = value(size, 0.0), value(size, 45.0)
+    length = max(float(np.hypot(cosine, sine)), 1e-3 * record.typical)
+    along = (value(slope, 0.0) * cosine + value(slope, 45.0) * sine) / length
+    low, high = record.low, record.high
+    found = [(Unknown(variant.effect, size, role, start, 0.0, REACH * record.typical, low, high), place[size, axis], 1.0 / record.typical)
+             for role, start, axis in (("cosine", cosine, 0.0), ("sine", sine, 45.0))]
+    if (slope, 0.0) in place:
+        best = 0.0 if abs(cosine) >= abs(sine) else 45.0
+        along = min(max(along, slant.low), slant.high)
+        found.append((Unknown(variant.effect, slope, "strength", along, 0.0, REACH * slant.typical, slant.low, slant.high),
+                      place[slope, best], 1.0 / slant.typical))
+    return found
+
+
+def _shape(effect: str, name: str, value: float) -> Unknown:
+    record = _parameter(effect, name)
+    spread = max(abs(value), 0.1 * abs(record.typical), 1e-6)
+    return Unknown(effect, name, "shape", value, value, spread, record.low, record.high)
+
+
+def _shape_rows(bench: Bench, pick: list[int], strengths: list[Unknown], shapes: list[Unknown]) -> list[np.ndarray]:
+    unknowns = [*strengths, *shapes]
+    values = np.array([u.start for u in unknowns])
+    at = _respond(bench, pick, unknowns, values)
+    rows = []
+    for i, shape in enumerate(shapes):
+        step = SHAPE_STEP * shape.spread
+        moved = values.copy()
+        moved[len(strengths) + i] += step
+        rows.append((_respond(bench, pick, unknowns, moved) - at) / step)
+    return rows

@@ -1,0 +1,192 @@
+"""Which sets of effects explain the system: marginal likelihoods in closed form, all sets up to three, and what stays unexplained.
+
+* Nuisances are integrated over within their tolerances; so are the strengths, with priors of some ten typical sizes.
+* Functional forms are only roughly those of nature. A channel in which an effect explains an energy E (in units of noise) is believed to one part in
+  FORM of its amplitude only: its products are divided by 1 + FORM^2 E.
+* What is left is held against a generic discrepancy in each channel: smooth in time, or following temperature, rate or amplitude. A set of effects
+  with such a discrepancy is known and unknown together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from wineglass.diagnosis.responses import Responses, Variant
+from wineglass.diagnosis.system import FOLDS, Products
+
+FORM = 0.03
+INCLUSION = 0.02
+GENERIC_PRIOR = 0.01  # that a channel holds a discrepancy of no known kind
+GENERIC_SIZES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+KEPT_VARIANTS = 2
+KEPT_PAIRS = 40
+JITTER = 1e-10  # relative
+Support = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Explained:
+    """One set of effects: log evidence with priors, without and with a generic discrepancy; coefficients (nuisances first)."""
+
+    support: Support
+    variants: tuple[Variant, ...]
+    log_evidence: float
+    log_generic: float
+    left: np.ndarray
+    """(channels,) energy left"""
+    coefficients: np.ndarray
+
+
+def prior_of(variants: Iterable[Variant], counts: dict[str, int]) -> float:
+    return sum(float(np.log(INCLUSION / (1.0 - INCLUSION)) - np.log(counts[v.effect])) for v in variants)
+
+
+def explained(products: Products, softening: np.ndarray, nuisances: int, columns: list[int], variants: tuple[Variant, ...], log_prior: float) -> Explained:
+    """columns: places of the effects' columns in the products; the first `nuisances` are the nuisances'."""
+    places = [*range(nuisances), *columns]
+    gram = products.pooled(softening)
+    coefficients, log_determinant = posterior_mean(gram, places)
+    evidence = -0.5 * (float(gram[-1, -1] - gram[places, -1] @ coefficients) + log_determinant) + log_prior
+    combination = np.zeros(products.count + 1)
+    combination[places] = -coefficients
+    combination[-1] = 1.0
+    left = np.einsum("fcij,i,j->c", products.gram, combination, combination)
+    generic = sum(_generic(block @ combination, softening[c]) for c, block in enumerate(products.generic))
+    return Explained(tuple(sorted({v.effect for v in variants})), variants, evidence, float(generic), left, coefficients)
+
+
+def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, float]:
+    """Coefficients of `places` with standard normal priors, and log det(1 + their products)."""
+    part = gram[np.ix_(places, places)]
+    size = np.sqrt(np.maximum(np.diagonal(part), 1e-12))
+    precision = 1.0 / size**2 + JITTER
+    factor = cho_factor(part / np.outer(size, size) + np.diag(precision))
+    determinant = 2.0 * float(np.sum(np.log(np.diagonal(factor[0])))) - float(np.sum(np.log(precision)))
+    return cho_solve(factor, gram[places, -1] / size) / size, determinant
+
+
+def _generic(projection: np.ndarray, softening: float) -> float:
+    """Log of (1 - p) + p BF for one channel, with BF averaged over sizes of the discrepancy."""
+    energy = float(projection @ projection) / softening
+    size = np.array(GENERIC_SIZES) ** 2
+    factors = -0.5 * len(projection) * np.log1p(size) + 0.5 * size / (1.0 + size) * energy
+    log_factor = float(np.logaddexp.reduce(factors)) - np.log(len(size))
+    return float(np.logaddexp(np.log1p(-GENERIC_PRIOR), np.log(GENERIC_PRIOR) + log_factor))
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Supports in order of evidence (with a generic discrepancy allowed), best first, one entry per support."""
+
+    entries: list[Explained]
+    none: Explained
+
+    def best(self, size: int) -> list[Explained]:
+        return [entry for entry in self.entries if len(entry.support) == size]
+
+
+def rank(products: Products, responses: Responses, softening: np.ndarray) -> Ranking:
+    """All single effects with all variants; pairs and triples with the variants that do best."""
+    nuisances = len(responses.nuisances)
+    reduced = _Reduced(products.pooled(softening), nuisances)
+    counts = {effect: len(variants) for effect, variants in responses.variants.items()}
+
+    def entry(variants: tuple[Variant, ...]) -> Explained:
+        columns = [c for v in variants for c in v.columns]
+        return explained(products, softening, nuisances, columns, variants, prior_of(variants, counts))
+
+    kept: list[Variant] = []
+    singles: dict[tuple[Variant, ...], float] = {}
+    everything = [variant for variants in responses.variants.values() for variant in variants]
+    alone = dict(zip(everything, reduced.evidence([v.columns for v in everything]), strict=True))
+    first = max(everything, key=lambda v: alone[v] - np.log(counts[v.effect]))
+    beside = dict(zip(everything, reduced.evidence([tuple(dict.fromkeys(first.columns + v.columns)) for v in everything]), strict=True))
+    for effect, variants in responses.variants.items():
+        order = sorted(variants, key=lambda v: -alone[v])[:KEPT_VARIANTS] + sorted(variants, key=lambda v: -beside[v])[:1]
+        chosen = list(dict.fromkeys(order))
+        kept += chosen
+        singles |= {(v,): alone[v] + prior_of((v,), counts) for v in chosen}
+    pairs = _scored(reduced, [(a, b) for a, b in combinations(kept, 2) if a.effect != b.effect], counts)
+    best_pairs = sorted(pairs, key=lambda p: -pairs[p])[:KEPT_PAIRS]
+    triples = _scored(reduced, _grown(best_pairs, kept), counts)
+    order = sorted((singles | pairs | triples).items(), key=lambda item: -item[1])
+    entries = [entry(variants) for variants in _one_per_support(order)]
+    return Ranking(sorted(entries, key=lambda e: -(e.log_evidence + e.log_generic)), entry(()))
+
+
+def _grown(pairs: list[tuple[Variant, ...]], kept: list[Variant]) -> list[tuple[Variant, ...]]:
+    found: dict[frozenset[Variant], tuple[Variant, ...]] = {}
+    for a, b in pairs:
+        for c in kept:
+            if c.effect not in (a.effect, b.effect):
+                found.setdefault(frozenset((a, b, c)), (a, b, c))
+    return list(found.values())
+
+
+def _one_per_support(order: list[tuple[tuple[Variant, ...], float]], limit: int = 24) -> list[tuple[Variant, ...]]:
+    """The best choice of variants for the best supports, and for every single effect."""
+    found: dict[frozenset[str], tuple[Variant, ...]] = {}
+    for variants, _ in order:
+        support = frozenset(v.effect for v in variants)
+        if support not in found and (len(found) < limit or len(support) == 1):
+            found[support] = variants
+    return list(found.values())
+
+
+def _scored(reduced: _Reduced, sets: list[tuple[Variant, ...]], counts: dict[str, int]) -> dict[tuple[Variant, ...], float]:
+    values = reduced.evidence([tuple(c for v in variants for c in v.columns) for variants in sets])
+    return {variants: float(value) + prior_of(variants, counts) for variants, value in zip(sets, values, strict=True)}
+
+
+class _Reduced:
+    """Products of the effects' columns with the nuisances integrated out."""
+
+    def __init__(self, gram: np.ndarray, nuisances: int):
+        n = nuisances
+        self._size = np.sqrt(np.maximum(np.diagonal(gram), 1e-12))
+        self._size[-1] = 1.0
+        gram = gram / np.outer(self._size, self._size)
+        factor = cho_factor(gram[:n, :n] + np.diag(self._precision(np.arange(n))))
+        self._gram = gram - gram[:, :n] @ cho_solve(factor, gram[:n, :])
+
+    def _precision(self, columns: np.ndarray) -> np.ndarray:
+        """Of the priors, for columns of length one; a little more keeps twins of twins solvable."""
+        return 1.0 / self._size[columns] ** 2 + JITTER
+
+    def evidence(self, sets: list[tuple[int, ...]]) -> np.ndarray:
+        """Log marginal likelihood of each set of columns over none."""
+        values = np.empty(len(sets))
+        by_size: dict[int, list[int]] = {}
+        for i, columns in enumerate(sets):
+            by_size.setdefault(len(columns), []).append(i)
+        for size, members in by_size.items():
+            columns = np.array([sets[i] for i in members], int).reshape(len(members), size)
+            precision = self._precision(columns)
+            inner = self._gram[columns[:, :, None], columns[:, None, :]] + precision[:, :, None] * np.eye(size)
+            factor = np.linalg.cholesky(inner)
+            projected = np.linalg.solve(factor, self._gram[columns, -1][:, :, None])[:, :, 0]
+            determinant = 2.0 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1) - np.sum(np.log(precision), axis=1)
+            values[members] = 0.5 * (np.sum(projected**2, axis=1) - determinant)
+        return values
+
+
+def softening_of(none: Explained, best: Explained) -> np.ndarray:
+    """(channels,): how far the channels' products are to be believed, from the energy that the best explanation explains there."""
+    return 1.0 + FORM**2 * np.maximum(0.0, none.left - best.left)
+
+
+def held_out(products: Products, softening: np.ndarray, places: list[int]) -> np.ndarray:
+    """(folds, channels): energy left in each fold when `places` are fitted on the others."""
+    left = np.empty(products.gram.shape[:2])
+    for fold in range(FOLDS):
+        gram = products.pooled(softening, [f for f in range(FOLDS) if f != fold])
+        combination = np.zeros(products.count + 1)
+        combination[places] = -posterior_mean(gram, places)[0]
+        combination[-1] = 1.0
+        left[fold] = np.einsum("cij,i,j->c", products.gram[fold], combination, combination)
+    return left

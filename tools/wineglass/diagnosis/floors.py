@@ -1,0 +1,84 @@
+"""Noise of every slow channel as the described device should have it: a short run of the full twin at rest, and an autoregressive model."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+from wineglass.diagnosis import channels
+from wineglass.diagnosis.channels import Frames, Grid
+from wineglass.diagnosis.drive import Driven
+from wineglass.envelope import Envelope
+from wineglass.profiles import ConstantRate, ConstantTemperature
+from wineglass.recording import Recording
+from wineglass.scenario import Run
+from wineglass.simulation import simulate
+
+REST_FRAMES = 280
+LEFT_OUT_S = 4.0
+ORDER = 4
+SEED = 7
+LEAST_INNOVATION = 0.2  # of the rms: a channel that seems more predictable than that was only short
+
+
+@dataclass(frozen=True)
+class Floor:
+    """Per channel: rms of a frame's noise, of what is new in it (innovation), and the autoregressive coefficients (order,)."""
+
+    rms: np.ndarray
+    innovation: np.ndarray
+    coefficients: np.ndarray
+
+    def whiten(self, channel: int, series: np.ndarray) -> np.ndarray:
+        """Series (..., n) in the channel's unit -> innovations in units of the floor."""
+        taps = np.concatenate([[1.0], -self.coefficients[channel]])
+        return lfilter(taps, [1.0], series, axis=-1) / self.innovation[channel]
+
+
+def at_rest(driven: Driven, grid: Grid, names: tuple[str, ...]) -> Floor:
+    """The floor of `names`, from the described device standing still at its calibration temperature."""
+    run = driven.run
+    held = ConstantTemperature(value_degc=run.device.resonator.reference_temperature_degc, acts_on=run.scenario.temperature.acts_on)
+    resting = run.scenario.model_copy(update={
+        "duration_s": LEFT_OUT_S + REST_FRAMES * grid.frame_s, "command": [], "seed": SEED, "temperature": held, "rate": ConstantRate()})
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rest.h5"
+        simulate(Run(resting, run.device, run.truth), path, calibration_block=driven.calibration_block)
+        with Recording.open(path) as recording:
+            frames = channels.read(recording, Grid(grid.frame_s, 0, int(resting.duration_s / grid.frame_s)))
+    ticks = max(1, round(grid.frame_s * run.device.slow_rate_hz))
+    with Envelope(Run(resting, run.device, run.truth), calibration_block=driven.calibration_block, frame_ticks=ticks) as envelope:
+        quiet = envelope.run()
+    return _model(frames, {name: quiet[name] for name in names}, names)
+
+
+def _model(frames: Frames, quiet: dict[str, np.ndarray], names: tuple[str, ...]) -> Floor:
+    """Noise: full twin minus envelope twin, so that transients of the start are no noise."""
+    rows = []
+    for name in names:
+        use = (frames.grid.time_s > LEFT_OUT_S) & frames.use[frames.names.index(name)]
+        rows.append(_autoregression(_detrended((frames[name] - quiet[name][: frames.grid.count])[use])))
+    rms, innovation, coefficients = zip(*rows, strict=True)
+    return Floor(np.array(rms), np.array(innovation), np.array(coefficients))
+
+
+def _detrended(values: np.ndarray) -> np.ndarray:
+    basis = np.vander(np.linspace(-1.0, 1.0, len(values)), 4)
+    return values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0]
+
+
+def _autoregression(noise: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """Yule-Walker. rms, innovation, coefficients; zeros for a channel without noise."""
+    n = len(noise)
+    covariance = np.array([noise[: n - lag] @ noise[lag:] / n for lag in range(ORDER + 1)])
+    if covariance[0] <= 0.0:
+        return 0.0, 0.0, np.zeros(ORDER)
+    coefficients = solve_toeplitz(covariance[:ORDER], covariance[1:])
+    variance = covariance[0] - coefficients @ covariance[1:]
+    rms = float(np.sqrt(covariance[0]))
+    return rms, max(float(np.sqrt(max(variance, 0.0))), LEAST_INNOVATION * rms), coefficients

@@ -1,0 +1,222 @@
+"""What every effect, and everything the description calls uncertain, would do to every slow channel: differences of envelope-twin runs.
+
+A column is the difference between a run with one probe and the run without. Its coefficient is in multiples of the probe; the prior says
+how large it may be. Effects whose shape cannot be had by adding columns come in several variants, each with another shape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wineglass import effects
+from wineglass.device import Device, Tolerance
+from wineglass.diagnosis.channels import Grid
+from wineglass.diagnosis.drive import Driven
+from wineglass.effects import Setting
+from wineglass.envelope import CHANNELS as ENVELOPE_CHANNELS
+from wineglass.envelope import Envelope, Inputs
+from wineglass.errors import BadInput
+from wineglass.scenario import Run
+
+NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference")
+"""Effects whose mean over a frame is nothing: diagnosis/noise_level.py looks for them."""
+STEP_S = 0.04  # of the envelope twin
+REACH = 10.0  # prior of a strength: so many times its typical size
+OFFSET_S = 1e-3  # between the clocks of rate table and device
+SHELL_OFFSET_DEGC = 0.05  # of a bench's shell thermometer
+POLAR = {"frequency_split": ("split_hz", "slope_hz_per_degc"), "damping_mismatch": ("mismatch", "slope_per_degc")}
+"""Effects with an axis: size and axis are two Cartesian components of double the angle."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """effect: '' for a nuisance. probe: what was switched on, scale: the prior's standard deviation in multiples of the probe."""
+
+    effect: str
+    probe: Setting | None
+    name: str
+    scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """One shape of an effect: its columns, and the shape's parameters."""
+
+    effect: str
+    columns: tuple[int, ...]
+    shapes: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Responses:
+    """values (columns, channels, n) on the grid of the recording; nominal (channels, n): the run without anything."""
+
+    names: tuple[str, ...]
+    nominal: np.ndarray
+    columns: tuple[Column, ...]
+    values: np.ndarray
+    nuisances: tuple[int, ...]
+    variants: dict[str, list[Variant]]
+
+
+class Bench:
+    """Runs the envelope twin over the recorded inputs, again and again."""
+
+    def __init__(self, driven: Driven, grid: Grid, names: Sequence[str]):
+        self.driven, self.grid = driven, grid
+        self.names = tuple(name for name in names if name in ENVELOPE_CHANNELS)
+        self._ticks = max(1, round(grid.frame_s * driven.run.device.slow_rate_hz))
+        longest = STEP_S * driven.run.device.slow_rate_hz
+        self._step = max(ticks for ticks in range(1, self._ticks + 1) if self._ticks % ticks == 0 and ticks <= max(1.0, longest + 1e-9))
+        self._inputs: Inputs | None = None
+        self.nominal = self.run()
+
+    def run(self, settings: Sequence[Setting] = (), truth: Device | None = None, shell_offset_degc: float = 0.0) -> np.ndarray:
+        """(channels, n) with effects switched on, or with another device in truth."""
+        run = self.driven.run
+        changed = run if truth is None else Run(run.scenario, run.device, truth)
+        with Envelope(changed, calibration_block=self.driven.calibration_block, frame_ticks=self._ticks, step_ticks=self._step, effects=settings) as envelope:
+            if self._inputs is None:
+                self._inputs = envelope.inputs()
+            inputs = self._inputs
+            if shell_offset_degc:
+                inputs = Inputs(inputs.rate_mean_rad_s, inputs.rate_end_rad_s, inputs.chamber_degc + shell_offset_degc)
+            frames = envelope.run(inputs)
+        wanted = slice(self.grid.first, self.grid.first + self.grid.count)
+        values = np.array([frames[name][wanted] for name in self.names])
+        missing = self.grid.count - values.shape[1]
+        return np.pad(values, ((0, 0), (0, missing)), "edge") if missing > 0 else values
+
+
+def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callable[[], None] = lambda: None) -> Responses:
+    """without: effects taken out of the catalogue (for tests of honesty)."""
+    columns: list[Column] = []
+    values: list[np.ndarray] = []
+    variants: dict[str, list[Variant]] = {}
+    for name, response in _nuisances(bench):
+        columns.append(Column("", None, name, 1.0))
+        values.append(response)
+    nuisances = tuple(range(len(columns)))
+    for effect in effects.catalogue():
+        if effect.id in NOISE_LIKE or effect.id in without:
+            continue
+        found = []
+        for shapes, probes in _variants(bench, effect):
+            places = []
+            for name, probe, scale in probes:
+                try:
+                    response = bench.run([probe]) - bench.nominal
+                except BadInput:
+                    continue
+                places.append(len(columns))
+                columns.append(Column(effect.id, probe, name, scale))
+                values.append(response)
+            if places:
+                found.append(Variant(effect.id, tuple(places), shapes))
+        if found:
+            variants[effect.id] = found
+        advance()
+    return Responses(bench.names, bench.nominal, tuple(columns), np.array(values), nuisances, variants)
+
+
+# --- nuisances -----------------------------------------------------------------------------------------------------------
+
+
+def _nuisances(bench: Bench) -> list[tuple[str, np.ndarray]]:
+    device = bench.driven.run.device
+    found = [(name, bench.run(truth=changed) - bench.nominal) for name, changed in _uncertain(device)]
+    if bench.driven.shell_known:
+        found.append(("shell reference", bench.run(shell_offset_degc=SHELL_OFFSET_DEGC) - bench.nominal))
+    if bench.driven.rate_known:
+        found.append(("clock of the rate table", np.gradient(bench.nominal, bench.grid.frame_s, axis=1) * OFFSET_S))
+    return [(name, response) for name, response in found if np.any(response != 0.0)]
+
+
+def _uncertain(device: Device) -> list[tuple[str, Device]]:
+    """Devices that are off by one standard deviation in one of the values called uncertain."""
+    changed = []
+    for path, tolerance in device.tolerance.items():
+        for name, value in _off_by_one(device, path, tolerance):
+            try:
+                changed.append((name, device.override({path: value})))
+            except BadInput:
+                continue
+    return changed
+
+
+def _off_by_one(device: Device, path: str, tolerance: Tolerance) -> list[tuple[str, object]]:
+    value: object = device
+    for part in path.split("."):
+        value = getattr(value, part)
+    if isinstance(value, list):
+        steps = tolerance.absolute if isinstance(tolerance.absolute, list) else [abs(v) * float(tolerance.relative or 0.0) for v in value]
+        padded = [*value, *[0.0] * (len(steps) - len(value))]
+        return [(f"{path}[{i}]", [v + (step if i == j else 0.0) for j, v in enumerate(padded)]) for i, step in enumerate(steps) if step]
+    assert isinstance(value, (int, float)) and not isinstance(tolerance.absolute, list)
+    step = tolerance.absolute if tolerance.absolute is not None else abs(value) * float(tolerance.relative or 0.0)
+    return [(path, value + step)] if step else []
+
+
+# --- effects -------------------------------------------------------------------------------------------------------------
+
+Probe = tuple[str, Setting, float]
+
+
+def _variants(bench: Bench, effect: effects.Effect) -> list[tuple[dict[str, float], list[Probe]]]:
+    """Shapes, and the probes of each: name of the strength, setting, prior in multiples of the setting."""
+    if effect.id in POLAR:
+        return [({}, [probe for axis in (0.0, 45.0) for probe in _strengths(effect, {"axis_deg": axis})])]
+    if effect.id in _WHOLE:
+        return [({}, [(name, Setting(effect.id, {name: value}), 1.0)]) for name, value in _WHOLE[effect.id](bench)]
+    shapes = _SHAPES.get(effect.id, lambda _: [{}])(bench)
+    return [(shape, _strengths(effect, shape)) for shape in shapes]
+
+
+def _strengths(effect: effects.Effect, shape: dict[str, float]) -> list[Probe]:
+    return [(p.name, Setting(effect.id, {p.name: min(max(p.typical, p.low), p.high), **shape}), REACH)
+            for p in effect.parameters if p.strength and not (effect.id == "vibration" and p.name == "rate_rad_s")]
+
+
+def _lags(bench: Bench) -> list[tuple[str, float]]:
+    span = bench.grid.count * bench.grid.frame_s
+    return [("lag_s", span / part) for part in (10000, 3000, 1000, 300, 100, 30, 10)]
+
+
+def _clips(bench: Bench) -> list[tuple[str, float]]:
+    amplitude = bench.driven.run.device.firmware.amplitude_fs
+    return [("loss_fs", min(0.8, 1.0 - amplitude * (1.0 - part))) for part in (0.003, 0.02, 0.1)]
+
+
+def _steps(bench: Bench) -> list[tuple[str, float]]:
+    lsb = bench.driven.run.device.electronics.thermometer.lsb_degc
+    return [("step_degc", step) for step in (0.125, 0.25, 0.5, 1.0, 2.0) if step > 2.0 * lsb]
+
+
+def _losses(bench: Bench) -> list[tuple[str, float]]:
+    return [("distance_samples", distance) for distance in (3e4, 3e5, 3e6)]
+
+
+_WHOLE: dict[str, Callable[[Bench], list[tuple[str, float]]]] = {
+    "thermometer_lag": _lags, "adc_saturation": _clips, "thermometer_quantisation": _steps, "dropped_samples": _losses}
+"""Effects that do not grow in proportion to their parameter: whole effects of several sizes, each with a coefficient of about one."""
+
+
+def _step_times(bench: Bench) -> list[dict[str, float]]:
+    span = bench.grid.count * bench.grid.frame_s
+    return [{"time_s": bench.grid.first * bench.grid.frame_s + span * (i + 0.5) / 20, "creep_s": creep * span} for i in range(20) for creep in (0.0, 0.1)]
+
+
+def _ages(bench: Bench) -> list[dict[str, float]]:
+    span = bench.grid.count * bench.grid.frame_s
+    return [{"time_constant_s": span * part} for part in (0.003, 0.03, 0.3)]
+
+
+def _plays(bench: Bench) -> list[dict[str, float]]:
+    span = float(np.ptp(bench.driven.run.scenario.temperature.at(bench.grid.time_s)))
+    return [{"half_width_degc": min(50.0, max(0.1, 0.5 * span * part))} for part in (0.03, 0.1, 0.25, 0.5, 0.8)] if span > 1.0 else [{}]
+
+
+_SHAPES: dict[str, Callable[[Bench], list[dict[str, float]]]] = {"damping_step": _step_times, "ageing": _ages, "thermal_hysteresis": _plays}

@@ -1,0 +1,137 @@
+"""Recorded minus twin as one linear system: whitened residuals of all channels, and whitened responses of everything that may explain them.
+
+Rows are frames, channel by channel; a frame that is not sound has weight zero in data and responses alike. What is kept are inner products
+per channel and fold, so that any set of effects, any weighting of the channels and any fold held out costs a small solve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wineglass.diagnosis.channels import Frames, Grid
+from wineglass.diagnosis.floors import Floor
+
+FOLDS = 5
+TRANSIENT = 3e-4  # of the change from frame to frame: what the primary's channels are not to be believed to while a loop settles
+FASTEST_TRUST = ("primary_in_phase", "drive_level", "drive_frequency")
+REDUNDANT = ("rate_uncompensated", "rate", "quadrature")
+"""what the firmware computes from the baseband: the same noise again"""
+SMOOTH_TERMS = 20
+
+
+@dataclass(frozen=True)
+class System:
+    """floor: of `names`; weight (channels, n): 0 where a frame is not used; folds: row -> fold; basis: per channel (n, k), orthonormal, of
+    generic discrepancies; data (channels, n): whitened recorded minus base."""
+
+    grid: Grid
+    names: tuple[str, ...]
+    floor: Floor
+    weight: np.ndarray
+    fold: np.ndarray
+    basis: tuple[np.ndarray, ...]
+    data: np.ndarray
+
+    def whiten(self, series: np.ndarray) -> np.ndarray:
+        """(..., channels, n) in the channels' units -> whitened and weighted."""
+        found = np.empty_like(series)
+        for i in range(len(self.names)):
+            found[..., i, :] = self.floor.whiten(i, np.where(self.weight[i] > 0, series[..., i, :], 0.0)) * self.weight[i]
+        return found
+
+    @property
+    def n_rows(self) -> np.ndarray:
+        """Used frames per channel."""
+        return np.count_nonzero(self.weight, axis=1)
+
+
+def chosen(names: tuple[str, ...], floor: Floor) -> list[int]:
+    """Channels with noise, without those that repeat the baseband."""
+    baseband = any(name.startswith(("secondary_", "rebalance_")) for name in names)
+    return [i for i, name in enumerate(names) if floor.rms[i] > 0.0 and not (baseband and name in REDUNDANT)]
+
+
+def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], edges_s: list[float], regressors: np.ndarray) -> System:
+    """names: the channels of floor. regressors (m, n): inputs that an unknown effect may follow."""
+    grid = recorded.grid
+    difference = np.array([recorded[name] - base[name] for name in names])
+    use = np.array([recorded.use[recorded.names.index(n)] & base.use[base.names.index(n)] for n in names])
+    weight = use * _trust(base, names, floor)
+    empty = System(grid, names, floor, weight, _folds(grid, edges_s), (), difference)
+    basis = tuple(_basis(empty, i, regressors) for i in range(len(names)))
+    return System(grid, names, floor, weight, empty.fold, basis, empty.whiten(difference))
+
+
+def _trust(base: Frames, names: tuple[str, ...], floor: Floor) -> np.ndarray:
+    """Weights (channels, n): less where the noise grows with falling amplitude, and where loops settle."""
+    weight = np.ones((len(names), base.grid.count))
+    amplitude = base["primary_in_phase"] if "primary_in_phase" in base.names else np.ones(base.grid.count)
+    usual = np.median(amplitude)
+    for i, name in enumerate(names):
+        noise = np.full(base.grid.count, floor.innovation[i])
+        if name == "drive_frequency" and usual > 0:
+            noise *= np.maximum(1.0, usual / np.maximum(amplitude, 0.05 * usual))
+        if name in FASTEST_TRUST:
+            change = np.abs(np.gradient(base[name]))
+            moving = np.maximum.reduce([np.roll(change, k) for k in range(-3, 7)])
+            noise = np.hypot(noise, TRANSIENT * moving)
+        weight[i] = floor.innovation[i] / noise
+    return weight
+
+
+def _folds(grid: Grid, edges_s: list[float]) -> np.ndarray:
+    """Contiguous stretches of about equal length that end at edges, where there are some near by."""
+    start, end = grid.first * grid.frame_s, (grid.first + grid.count) * grid.frame_s
+    step = (end - start) / FOLDS
+    cuts = []
+    for i in range(1, FOLDS):
+        wanted = start + i * step
+        near = [edge for edge in edges_s if abs(edge - wanted) < 0.3 * step]
+        cuts.append(min(near, key=lambda edge: abs(edge - wanted)) if near else wanted)
+    return np.searchsorted(np.array(cuts), grid.time_s)
+
+
+def _basis(system: System, channel: int, regressors: np.ndarray) -> np.ndarray:
+    n = system.grid.count
+    waves = np.cos(np.pi * np.outer(np.arange(SMOOTH_TERMS), np.arange(n) + 0.5) / n)
+    series = np.concatenate([waves, regressors])
+    masked = np.where(system.weight[channel] > 0, series, 0.0)
+    white = (system.floor.whiten(channel, masked) * system.weight[channel]).T
+    white = white / np.maximum(np.linalg.norm(white, axis=0), 1e-300)
+    left, sizes, _ = np.linalg.svd(white, full_matrices=False)
+    return left[:, sizes > 1e-6 * sizes[0]] if sizes[0] > 0 else left[:, :0]
+
+
+@dataclass(frozen=True)
+class Products:
+    """Inner products of columns (k of them) and data: gram (folds, channels, k + 1, k + 1), the data last; generic: per channel (m, k + 1),
+    projections onto the basis of generic discrepancies."""
+
+    gram: np.ndarray
+    generic: tuple[np.ndarray, ...]
+
+    @property
+    def count(self) -> int:
+        return self.gram.shape[-1] - 1
+
+    def pooled(self, softening: np.ndarray, folds: list[int] | None = None) -> np.ndarray:
+        """(k + 1, k + 1): channels weighted by 1/softening, summed over folds (None: all)."""
+        chosen = self.gram if folds is None else self.gram[folds]
+        return np.einsum("fcij,c->ij", chosen, 1.0 / softening)
+
+
+def products(system: System, columns: np.ndarray, data: np.ndarray | None = None) -> Products:
+    """columns (k, channels, n) whitened and scaled so that their coefficients have standard normal priors; data: None takes the system's."""
+    data = system.data if data is None else data
+    k = len(columns)
+    gram = np.empty((FOLDS, len(system.names), k + 1, k + 1))
+    generic = []
+    for c in range(len(system.names)):
+        rows = np.concatenate([columns[:, c, :], data[None, c, :]]).T
+        for f in range(FOLDS):
+            part = rows[system.fold == f]
+            gram[f, c] = part.T @ part
+        generic.append(system.basis[c].T @ rows)
+    return Products(gram, tuple(generic))

@@ -1,0 +1,209 @@
+"""The twin-level engine: slow channels of a described device -> which effects, by the envelope twin, confirmed by the full twin.
+
+docs/DIAGNOSIS.md argues every step.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from wineglass.device import Device
+from wineglass.diagnosis import channels, drive, explain, floors, responses, system
+from wineglass.diagnosis.channels import Frames, Grid
+from wineglass.diagnosis.closure import Closed, Closer
+from wineglass.diagnosis.drive import Driven
+from wineglass.diagnosis.explain import Explained, Support
+from wineglass.diagnosis.floors import Floor
+from wineglass.diagnosis.responses import Bench, Responses
+from wineglass.diagnosis.system import System
+from wineglass.effects import Setting
+from wineglass.recording import Recording
+from wineglass.scenario import Run
+from wineglass.simulation import simulate
+
+ENGINE = "twin_level"
+QUIET = {"electronics.adc.snr_db": 0.0, "electronics.adc.bits": 32}
+"""The twin without converter noise; the thermometer keeps its own, which breaks up the steps of its codes."""
+CLOSED_SINGLES, CLOSED_SETS = 6, 6
+PARTED = 2  # sets of each size that are also tried without each of their effects
+LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
+SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
+FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
+
+
+def driven_by(recording: Recording, described: Device | None = None) -> Driven:
+    return drive.from_recording(recording, described)
+
+
+def full_twin(driven: Driven, grid: Grid, effects: Sequence[Setting] = ()) -> Frames:
+    """Frames of the full twin, firmware in the loop, over the recorded inputs, without the converters' noise."""
+    run = driven.run
+    quiet = Run(run.scenario, run.device, run.truth.override(QUIET))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "twin.h5"
+        simulate(quiet, path, calibration_block=driven.calibration_block, effects=effects)
+        with Recording.open(path) as recording:
+            return channels.read(recording, grid)
+
+
+@dataclass
+class TwinAnalysis:
+    """Everything that verdict and report need.
+
+    none: no effect; closed: explanations followed on the envelope twin, the best first; held (closed and none): energy left per fold and
+    channel when fitted on the other folds.
+    """
+
+    driven: Driven
+    recorded: Frames
+    base: Frames
+    floor: Floor
+    responses: Responses
+    system: System
+    none: Explained
+    closed: list[Closed]
+    softening: np.ndarray
+    held_none: np.ndarray
+    held: list[np.ndarray] = field(default_factory=list)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.system.names
+
+
+def analyse(recording: Recording, described: Device | None = None, without: frozenset[str] = frozenset(),
+            advance: Callable[[], None] = lambda: None) -> TwinAnalysis:
+    """without: effects taken out of the catalogue (for tests of honesty)."""
+    driven = driven_by(recording, described)
+    grid = channels.grid_of(recording)
+    recorded = channels.read(recording, grid)
+    bench = Bench(driven, grid, recorded.names)
+    floor = floors.at_rest(driven, grid, bench.names)
+    advance()
+    base = _with_ideal_thermometer(full_twin(driven, grid), bench)
+    advance()
+    found = responses.respond(bench, without)
+    advance()
+    pick = system.chosen(bench.names, floor)
+    names = tuple(bench.names[i] for i in pick)
+    built = system.build(recorded, base, _picked(floor, pick), names, edges_of(recording), regressors(driven, bench, base))
+    columns = built.whiten(found.values[:, pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
+    table = system.products(built, columns)
+    ranking, softening = _ranked(table, found)
+    advance()
+    closer = Closer(bench, built, found, pick, columns[: len(found.nuisances)])
+    closed = _with_parts(closer, [closer.close(entry) for entry in _worth_closing(ranking)])
+    advance()
+    counts = {effect: len(variants) for effect, variants in found.variants.items()}
+    closed, softening, none = _weighed(closed, table, found, counts, softening)
+    nuisances = list(found.nuisances)
+    return TwinAnalysis(driven, recorded, base, floor, found, built, none, closed, softening, explain.held_out(table, softening, nuisances),
+                        [explain.held_out(c.products, softening, c.places) for c in closed])
+
+
+def _with_ideal_thermometer(base: Frames, bench: Bench) -> Frames:
+    """The envelope's thermometer has no codes: the steps of the full twin's are noise."""
+    if "temperature_measured" not in base.names:
+        return base
+    values = base.values.copy()
+    values[base.names.index("temperature_measured")] = bench.nominal[bench.names.index("temperature_measured")]
+    return Frames(base.grid, base.names, values, base.use)
+
+
+def _picked(floor: Floor, pick: list[int]) -> Floor:
+    return Floor(floor.rms[pick], floor.innovation[pick], floor.coefficients[pick])
+
+
+def edges_of(recording: Recording) -> list[float]:
+    """Times [s] at which a segment begins."""
+    return [event.sample / recording.counter_rate_hz for event in recording.events if event.kind == "segment"]
+
+
+def regressors(driven: Driven, bench: Bench, base: Frames) -> np.ndarray:
+    """(m, n): what an effect of no known kind may follow: temperature, its speed, rate, amplitude, and the slow channels themselves."""
+    time_s = bench.grid.time_s
+    scenario, reference = driven.run.scenario, driven.run.device.resonator.reference_temperature_degc
+    shift = _unit(scenario.temperature.at(time_s) - reference)
+    rate = _unit(scenario.rate.at(time_s))
+    speed = np.gradient(shift)
+    own = [base[name] for name in channels.BASEBAND if name in base.names and name != "drive_frequency"]
+    rows = [shift, shift**2, shift**3, speed, np.gradient(speed), rate, rate**2, rate**3, rate * shift, *own]
+    return np.array([_unit(row) for row in rows if np.ptp(row) > 0.0])
+
+
+def _unit(values: np.ndarray) -> np.ndarray:
+    return values / max(float(np.max(np.abs(values))), 1e-300)
+
+
+def _ranked(table: system.Products, found: Responses) -> tuple[explain.Ranking, np.ndarray]:
+    """What forms are worth depends on how much is explained, and the other way round: three rounds settle it."""
+    softening = np.ones(len(table.generic))
+    for _ in range(3):
+        ranking = explain.rank(table, found, softening)
+        best = ranking.entries[0]
+        softening = explain.softening_of(ranking.none, best)
+    return ranking, softening
+
+
+def _worth_closing(ranking: explain.Ranking) -> list[Explained]:
+    """The best single effects, and the best sets."""
+    def over_none(entry: Explained) -> float:
+        return entry.log_evidence + entry.log_generic - ranking.none.log_evidence - ranking.none.log_generic
+
+    able = [entry for entry in ranking.entries if over_none(entry) > LEAST_EVIDENCE]
+    singles = [entry for entry in able if len(entry.support) == 1][:CLOSED_SINGLES]
+    sets = [entry for entry in able if len(entry.support) > 1][:CLOSED_SETS]
+    return [*singles, *sets]
+
+
+def _with_parts(closer: Closer, closed: list[Closed]) -> list[Closed]:
+    """Also what the best sets are without each of their effects: the linear pass may have needed help that the closed one does not."""
+    found = {entry.support: entry for entry in closed}
+
+    def cost(entry: Closed) -> float:
+        return closer.cost_of(entry)
+
+    for size in (3, 2):
+        sets = sorted((entry for entry in found.values() if len(entry.support) == size), key=cost)[:PARTED]
+        for entry in sets:
+            for effect in entry.support:
+                part = closer.without(entry, effect)
+                if part.support not in found or cost(part) < cost(found[part.support]):
+                    found[part.support] = part
+    return list(found.values())
+
+
+def _weighed(closed: list[Closed], table: system.Products, found: Responses, counts: dict[str, int], softening: np.ndarray
+             ) -> tuple[list[Closed], np.ndarray, Explained]:
+    """Evidence of all closures, with forms believed as far as the simplest good explanation earns it."""
+    nuisances = len(found.nuisances)
+    ones = np.ones(len(table.generic))
+    none = explain.explained(table, ones, nuisances, [], (), 0.0)
+    for entry in closed:
+        entry.weigh(ones, nuisances, counts)
+    softening = _earned(closed, none)
+    none = explain.explained(table, softening, nuisances, [], (), 0.0)
+    for entry in closed:
+        entry.weigh(softening, nuisances, counts)
+    return sorted(closed, key=lambda c: -(c.entry.log_evidence + c.entry.log_generic)), softening, none
+
+
+def _earned(closed: list[Closed], none: Explained) -> np.ndarray:
+    """(channels,): 1 + what the simplest good explanation leaves in a channel beyond noise, over the freedom of a wrong form."""
+    if not closed:
+        return np.ones(len(none.left))
+    least = np.min([c.entry.left for c in closed], axis=0)
+    whole = float(np.sum(none.left - least))
+    for size in (1, 2, 3):
+        able = [c for c in closed if len(c.support) == size]
+        if not able:
+            continue
+        best = min(able, key=lambda c: float(np.sum(c.entry.left)))
+        if float(np.sum(best.entry.left - least)) <= SIMPLE_ENOUGH**2 * whole or size == 3:
+            break
+    return 1.0 + np.maximum(0.0, best.entry.left - np.minimum(least, best.entry.left)) / FREEDOM
