@@ -10,7 +10,7 @@ static double displacement(const struct exam *exam, int mode)
 
 static int32_t to_code(struct exam *exam, double value, uint32_t quantum)
 {
-    double steps = value * exam->code_scale;
+    double steps = value * exam->code_limit;
     if (steps > exam->code_limit - 1.0 || steps < -exam->code_limit) {
         exam->clipped++;
         steps = steps > 0.0 ? exam->code_limit - 1.0 : -exam->code_limit;
@@ -23,7 +23,7 @@ static int32_t to_code(struct exam *exam, double value, uint32_t quantum)
 
 static void leaks(const struct exam *exam, const double *q, double seen[2])
 {
-    const double *now = exam->force[exam->cfg.dac_latency_samples], *before = exam->force[exam->cfg.dac_latency_samples + 1];
+    const double *now = exam_force(exam, 0), *before = exam_force(exam, 1);
     seen[0] += q[EXAM_DRIVE_LEAK_1] * now[0];
     seen[1] += q[EXAM_DRIVE_LEAK_2] * now[0] + q[EXAM_DRIVE_EDGE_2] * (now[0] - before[0]) + q[EXAM_REBALANCE_LEAK_2] * now[1];
 }

@@ -54,7 +54,7 @@ double exam_tones_at(const struct exam *exam, uint32_t place)
 static void third_advance(struct exam *exam, const double *q)
 {
     struct exam_third *third = &exam->third;
-    const double *force = exam->force[exam->cfg.dac_latency_samples];
+    const double *force = exam_force(exam, 0);
     double push = (q[EXAM_THIRD_DRIVE] * force[0] + q[EXAM_THIRD_REBALANCE] * force[1]) * q[EXAM_SAMPLE_PERIOD] / exam->carrier_rad_s;
     double place = third->state[0], speed = third->state[1] + push;
     third->state[0] = third->decay * (third->cosine * place + third->sine * speed);

@@ -69,7 +69,7 @@ struct exam *exam_create(const struct exam_cfg *cfg, const uint8_t *block, size_
     exam->cfg = *cfg;
     exam->carrier_rad_s = 2.0 * M_PI * cfg->carrier_hz;
     exam->code_limit = (double)(UINT32_C(1) << (cfg->adc_bits - 1));
-    exam->code_scale = exam->code_limit;
+    exam->dac_scale = 1.0 / (double)(UINT32_C(1) << (cfg->dac_bits - 1));
     start_noise(exam);
     struct wg_device_cfg device = {.sample_rate_millihz = (uint32_t)(cfg->sample_rate_hz * 1000.0 + 0.5),
                                    .adc_bits = cfg->adc_bits, .dac_bits = cfg->dac_bits, .serial = cfg->serial};
@@ -171,17 +171,16 @@ static void steps_of(const struct exam *exam, const double *from, const double *
 
 static void move(struct exam *exam, const struct exam_step *step, const double *q)
 {
-    const double (*force)[2] = (const double (*)[2])&exam->force[exam->cfg.dac_latency_samples];
-    exam_step_apply(step, force[0], force[1], exam->state);
+    exam_step_apply(step, exam_force(exam, 0), exam->prompt ? NULL : exam_force(exam, 1), exam->state);
     exam_extras_advance(exam, q);
 }
 
 static void give_forces(struct exam *exam, const int32_t dac[2])
 {
-    memmove(exam->force[1], exam->force[0], sizeof exam->force - sizeof exam->force[0]);
-    double scale = 1.0 / (double)(UINT32_C(1) << (exam->cfg.dac_bits - 1));
+    double *force = exam->force[exam->forces_given++ % EXAM_FORCES];
+    double scale = exam->dac_scale;
     for (int i = 0; i < 2; i++) {
-        exam->force[0][i] = exam_curve_apply(&exam->dac[i], scale * dac[i]);
+        force[i] = exam_curve_apply(&exam->dac[i], scale * dac[i]);
     }
 }
 
@@ -238,10 +237,11 @@ static void block(struct exam *exam, const double *from, const double *to, int32
         exam->lag[mode][0] = cos(q[EXAM_LAG_1 + mode]);
         exam->lag[mode][1] = sin(q[EXAM_LAG_1 + mode]);
     }
+    exam->prompt = exam_step_is_prompt(&ends[0]) && exam_step_is_prompt(&ends[1]);
     exam_step_walk(&ends[0], &ends[1], exam->cfg.block_samples, &step, &stride);
     for (uint32_t i = 0; i < exam->cfg.block_samples; i++) {
         sample(exam, &step, q, codes == NULL ? NULL : &codes[4 * i]);
-        exam_step_stride(&step, &stride);
+        exam_step_stride(&step, &stride, exam->prompt);
     }
 }
 

@@ -9,7 +9,7 @@
 #include "exam/random.h"
 #include "exam/shell.h"
 
-enum { EXAM_LATENCY_MAX = 7, EXAM_TONES = 3 };
+enum { EXAM_FORCES = 8, EXAM_LATENCY_MAX = EXAM_FORCES - 2, EXAM_TONES = 3 };
 
 /* A tone's phasor, turned once a sample. */
 struct exam_tone {
@@ -31,7 +31,7 @@ struct exam {
     uint32_t next_event, held_codes, skip_motion;
     double carrier_rad_s;
     double state[4];
-    double force[EXAM_LATENCY_MAX + 2][2]; /* DAC outputs in FS, the newest first; what acts now stands at [latency] */
+    double force[EXAM_FORCES][2]; /* DAC outputs in FS, a ring by sample number */
     struct exam_third third;
     struct exam_tone tone[EXAM_TONES], pump;
     double tone_value[EXAM_TONES];
@@ -41,13 +41,19 @@ struct exam {
     struct exam_random noise[2], jitter;
     struct exam_ziggurat ziggurat;
     int32_t codes[2];
-    double code_scale, code_limit;
-    uint64_t samples, clipped;
-    bool has_tones, has_third, has_kicks;
+    double code_limit, dac_scale;
+    uint64_t samples, clipped, forces_given;
+    bool has_tones, has_third, has_kicks, prompt;
 };
 
 /* Slow numbers of one block at its middle, EXAM_QUANTITIES of them. */
 typedef double exam_numbers[EXAM_QUANTITIES];
+
+/* DAC outputs that act now (back = 0) or acted a period before (1). */
+static inline const double *exam_force(const struct exam *exam, uint64_t back)
+{
+    return exam->force[(exam->forces_given - 1 - exam->cfg.dac_latency_samples - back) % EXAM_FORCES];
+}
 
 /* converter.c: the pickoffs and their converters, from the present state to two codes. */
 void exam_convert(struct exam *exam, const double *q);

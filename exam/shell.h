@@ -8,6 +8,8 @@
 #ifndef EXAM_SHELL_H
 #define EXAM_SHELL_H
 
+#include <stddef.h>
+
 struct exam_shell {
     double stiffness[2][2];    /* k [rad^2/s^2] */
     double damping[2][2];      /* c [1/s] */
@@ -25,30 +27,41 @@ struct exam_step {
     double before[2][4];
 };
 
-enum { EXAM_STEP_NUMBERS = sizeof(struct exam_step) / sizeof(double) };
+enum { EXAM_STEP_NUMBERS = sizeof(struct exam_step) / sizeof(double), EXAM_PROMPT_NUMBERS = EXAM_STEP_NUMBERS - 8 };
 
 void exam_step_make(const struct exam_shell *shell, double carrier_rad_s, double period_s, struct exam_step *step);
+
+/* A force that comes late acts with the code before it, too. */
+static inline int exam_step_is_prompt(const struct exam_step *step)
+{
+    return step->before[0][1] == 0.0 && step->before[1][3] == 0.0;
+}
 
 /* For a walk from a to b in `count` steps: the first one (half a stride from a) and the stride. The walk must go on in every single period: numbers
  * held over several periods would rise in steps whose harmonics fall on twice the carrier, and mix the carrier with itself. */
 void exam_step_walk(const struct exam_step *a, const struct exam_step *b, double count, struct exam_step *first, struct exam_step *stride);
 
-static inline void exam_step_stride(struct exam_step *step, const struct exam_step *stride)
+/* prompt: without the part of late forces. */
+static inline void exam_step_stride(struct exam_step *step, const struct exam_step *stride, int prompt)
 {
+    int count = prompt ? EXAM_PROMPT_NUMBERS : EXAM_STEP_NUMBERS;
     double *numbers = (double *)step;
     const double *strides = (const double *)stride;
-    for (int i = 0; i < EXAM_STEP_NUMBERS; i++) {
+    for (int i = 0; i < count; i++) {
         numbers[i] += strides[i];
     }
 }
 
-static inline void exam_step_apply(const struct exam_step *step, const double now[2], const double before[2], double state[4])
+/* before: NULL for a prompt step. */
+static inline void exam_step_apply(const struct exam_step *step, const double now[2], const double *before, double state[4])
 {
     double next[4];
     for (int row = 0; row < 4; row++) {
         next[row] = step->transition[0][row] * state[0] + step->transition[1][row] * state[1] + step->transition[2][row] * state[2] +
-                    step->transition[3][row] * state[3] + step->now[0][row] * now[0] + step->now[1][row] * now[1] +
-                    step->before[0][row] * before[0] + step->before[1][row] * before[1];
+                    step->transition[3][row] * state[3] + step->now[0][row] * now[0] + step->now[1][row] * now[1];
+    }
+    for (int row = 0; before != NULL && row < 4; row++) {
+        next[row] += step->before[0][row] * before[0] + step->before[1][row] * before[1];
     }
     for (int row = 0; row < 4; row++) {
         state[row] = next[row];

@@ -11,7 +11,7 @@ from pathlib import Path
 from wineglass.launch.notice import Notice, must_run
 
 PRESET = "release"
-INPUTS = ("CMakeLists.txt", "CMakePresets.json", "cmake", "firmware", "hal", "sim")
+INPUTS = ("CMakeLists.txt", "CMakePresets.json", "cmake", "exam", "firmware", "hal", "sim")
 
 
 def is_fresh(root: Path) -> bool:
