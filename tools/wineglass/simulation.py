@@ -119,7 +119,7 @@ def _note_events(run: Run, writer: RecordingWriter) -> None:
                     for time_s in profile.boundaries_s if 0 < time_s < scenario.duration_s]
     commands = [(command.at_s, "command", command.note()) for command in scenario.command]
     writer.event("scenario", scenario.model_dump_json(exclude_none=True), sample=0)
-    for time_s, kind, what in sorted(segments + commands):
+    for time_s, kind, what in sorted([*segments, *commands], key=lambda event: event[0]):
         writer.event(kind, what, sample=round(time_s * rate_hz))
 
 

@@ -6,7 +6,7 @@ per channel and fold, so that any set of effects, any weighting of the channels 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,9 @@ from wineglass.diagnosis.floors import Floor
 
 FOLDS = 5
 TRANSIENT = 3e-4  # of the change from frame to frame: what the primary's channels are not to be believed to while a loop settles
-FASTEST_TRUST = ("primary_in_phase", "drive_level", "drive_frequency")
+LEAST_NOISE = 0.8  # of the described floor
+JUMP = 1e-3  # of the change from frame to frame, where the rate steps: recorded means do not say how the step went
+SETTLING = ("primary_in_phase", "drive_level", "drive_frequency")
 REDUNDANT = ("rate_uncompensated", "rate", "quadrature")
 """what the firmware computes from the baseband: the same noise again"""
 SMOOTH_TERMS = 20
@@ -53,18 +55,30 @@ def chosen(names: tuple[str, ...], floor: Floor) -> list[int]:
     return [i for i, name in enumerate(names) if floor.rms[i] > 0.0 and not (baseband and name in REDUNDANT)]
 
 
-def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], edges_s: list[float], regressors: np.ndarray) -> System:
-    """names: the channels of floor. regressors (m, n): inputs that an unknown effect may follow."""
+def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], edges_s: list[float], jumps: np.ndarray,
+          regressors: np.ndarray) -> System:
+    """names: the channels of floor. jumps (n,): frames in which the rate steps; regressors (m, n): inputs that an unknown effect may follow."""
     grid = recorded.grid
     difference = np.array([recorded[name] - base[name] for name in names])
     use = np.array([recorded.use[recorded.names.index(n)] & base.use[base.names.index(n)] for n in names])
-    weight = use * _trust(base, names, floor)
-    empty = System(grid, names, floor, weight, _folds(grid, edges_s), (), difference)
+    weight = use * _trust(base, names, floor, jumps)
+    empty = System(grid, names, _scaled(floor, weight, difference), weight, _folds(grid, edges_s), (), difference)
     basis = tuple(_basis(empty, i, regressors) for i in range(len(names)))
-    return System(grid, names, floor, weight, empty.fold, basis, empty.whiten(difference))
+    return replace(empty, basis=basis, data=empty.whiten(difference))
 
 
-def _trust(base: Frames, names: tuple[str, ...], floor: Floor) -> np.ndarray:
+def _scaled(floor: Floor, weight: np.ndarray, difference: np.ndarray) -> Floor:
+    """The floor as large as the recording's own fastest changes show it: how much noise there is, is another question than what moves."""
+    factors = []
+    for i, row in enumerate(difference):
+        use = weight[i] > 0.5
+        white = floor.whiten(i, np.where(weight[i] > 0, row, 0.0))
+        change = np.diff(white)[use[1:] & use[:-1]]
+        factors.append(max(LEAST_NOISE, float(np.median(np.abs(change))) / (0.6745 * np.sqrt(2.0))) if len(change) > 20 else 1.0)
+    return Floor(floor.rms * factors, floor.innovation * factors, floor.coefficients)
+
+
+def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray) -> np.ndarray:
     """Weights (channels, n): less where the noise grows with falling amplitude, and where loops settle."""
     weight = np.ones((len(names), base.grid.count))
     amplitude = base["primary_in_phase"] if "primary_in_phase" in base.names else np.ones(base.grid.count)
@@ -73,10 +87,15 @@ def _trust(base: Frames, names: tuple[str, ...], floor: Floor) -> np.ndarray:
         noise = np.full(base.grid.count, floor.innovation[i])
         if name == "drive_frequency" and usual > 0:
             noise *= np.maximum(1.0, usual / np.maximum(amplitude, 0.05 * usual))
-        if name in FASTEST_TRUST:
+        if name in LEAST_NOISE = 0.8  # of the described floor
+JUMP = 1e-3  # of the change from frame to frame, where the rate steps: recorded means do not say how the step went
+SETTLING:
             change = np.abs(np.gradient(base[name]))
             moving = np.maximum.reduce([np.roll(change, k) for k in range(-3, 7)])
             noise = np.hypot(noise, TRANSIENT * moving)
+        if name.startswith(("secondary", "rebalance")):
+            change = np.abs(np.gradient(base[name]))
+            noise = np.hypot(noise, np.where(jumps, JUMP * np.maximum(change, np.roll(change, 1)), 0.0))
         weight[i] = floor.innovation[i] / noise
     return weight
 

@@ -33,6 +33,8 @@ CLOSED_SINGLES, CLOSED_SETS = 6, 6
 PARTED = 2  # sets of each size that are also tried without each of their effects
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
+BEND = 0.03  # of the rate's span: a second difference beyond that is a step
+MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
 
 
@@ -91,7 +93,8 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     advance()
     pick = system.chosen(bench.names, floor)
     names = tuple(bench.names[i] for i in pick)
-    built = system.build(recorded, base, _picked(floor, pick), names, edges_of(recording), regressors(driven, bench, base))
+    built = system.build(recorded, base, _picked(floor, pick), names, edges_of(recording), jumps(driven, grid),
+                         regressors(driven, bench, base))
     columns = built.whiten(found.values[:, pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
     table = system.products(built, columns)
     ranking, softening = _ranked(table, found)
@@ -122,6 +125,17 @@ def _picked(floor: Floor, pick: list[int]) -> Floor:
 def edges_of(recording: Recording) -> list[float]:
     """Times [s] at which a segment begins."""
     return [event.sample / recording.counter_rate_hz for event in recording.events if event.kind == "segment"]
+
+
+def jumps(driven: Driven, grid: Grid) -> np.ndarray:
+    """(n,): frames in which the true rate steps, and their neighbours."""
+    parts = 12
+    fine = driven.run.scenario.rate.at((grid.first + (np.arange(grid.count * parts) + 0.5) / parts) * grid.frame_s)
+    span = float(np.ptp(fine))
+    if span == 0.0:
+        return np.zeros(grid.count, bool)
+    bend = np.abs(np.diff(fine, 2, prepend=fine[:1], append=fine[-1:])).reshape(grid.count, parts).max(axis=1) > BEND * span
+    return bend | np.roll(bend, 1) | np.roll(bend, -1)
 
 
 def regressors(driven: Driven, bench: Bench, base: Frames) -> np.ndarray:
@@ -206,4 +220,5 @@ def _earned(closed: list[Closed], none: Explained) -> np.ndarray:
         best = min(able, key=lambda c: float(np.sum(c.entry.left)))
         if float(np.sum(best.entry.left - least)) <= SIMPLE_ENOUGH**2 * whole or size == 3:
             break
-    return 1.0 + np.maximum(0.0, best.entry.left - np.minimum(least, best.entry.left)) / FREEDOM
+    beyond_noise = np.maximum(0.0, best.entry.left - np.minimum(least, best.entry.left))
+    return 1.0 + beyond_noise / FREEDOM + MODEL**2 * np.maximum(0.0, none.left - best.entry.left)
