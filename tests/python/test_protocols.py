@@ -120,6 +120,17 @@ def test_full_goes_twice_through_the_same_temperatures_at_two_speeds():
     assert min(map(min, spans)) - low >= 5 and high - max(map(max, spans)) >= 5  # a thermometer may be off by some degrees
 
 
+def test_in_rebalance_the_secondary_is_let_go_at_two_temperatures():
+    """Only then its own frequency and its pickoff's gain and phase show."""
+    free = {}
+    for loop in LOOPS:
+        made = protocols.scenario("full", "metal-fast", loop)
+        free[loop] = [(command.at_s, command.mode) for command in made.command if command.kind == "loop"]
+    assert free["open"] == [] and [mode for _, mode in free["rebalance"]] == ["open", "rebalance"] * 2
+    begins = [at_s for at_s, mode in free["rebalance"] if mode == "open"]
+    assert abs(np.ptp(made.temperature.at(np.array(begins)))) > 30
+
+
 def test_full_rests_at_zero_rate_early_in_the_middle_and_late():
     made = protocols.scenario("full", "metal-fast")
     rest = [segment for segment in made.segment if segment.what == "rest" and abs(made.temperature.at(segment.begin_s) - 25) < 0.1]
@@ -154,10 +165,10 @@ def test_nothing_comes_to_its_limit(device, loop):
     with Envelope(run) as envelope:
         frames = envelope.run()
     settled = frames.end_s > protocols.segments(run.scenario)[2].begin_s  # the silica shell grows for half a minute
-    off = np.zeros(len(settled), bool)  # with the drive off the forces have nothing to hold
+    off = np.zeros(len(settled), bool)  # with the drive off the forces have nothing to hold; closing the loop takes what force there is
     for command in run.scenario.command:
-        if command.kind == "drive":
-            off |= (frames.end_s > command.at_s) & (frames.end_s < command.at_s + 1.0)
+        if command.kind in ("drive", "loop"):
+            off |= (frames.end_s > command.at_s) & (frames.end_s < command.at_s + max(2.0, protocols.decay_s(run.device)))
     kept = settled & ~off
     assert np.hypot(frames["secondary_in_phase"], frames["secondary_quadrature"])[kept].max() < 0.5
     limits = run.device.firmware
@@ -175,7 +186,7 @@ def test_both_twins_go_through_full_alike(loop):
     time_s = 0.02 * np.arange(len(fast["rate"]))
     kept = time_s > 3.5
     for command in run.scenario.command:
-        if command.kind in ("amplitude", "drive"):
+        if command.kind in ("amplitude", "drive", "loop"):
             kept &= (time_s < command.at_s - 0.1) | (time_s > command.at_s + 2.0)
     for segment in protocols.segments(run.scenario):
         within = kept & (time_s >= segment.begin_s) & (time_s < segment.end_s)
@@ -268,11 +279,11 @@ def test_effects_from_words():
 def test_the_printed_day_and_its_json(capsys):
     assert cli.main(["protocol", "full", "--device", "metal", "--start", "8:30", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
-    assert said["duration_s"] == pytest.approx(11880.0) and said["unit_s"] == 60.0
+    assert said["duration_s"] == pytest.approx(12000.0) and said["unit_s"] == 60.0
     assert [segment["name"] for segment in said["segments"]][:2] == ["start", "rate_middle"]
     assert cli.main(["protocol", "full", "--device", "metal", "--start", "8:30"]) == 0
     text = capsys.readouterr().out
-    assert "11:48:00" in text and "drive off for 1.27 s" in text and "25.0 to 76.0" in text
+    assert "11:50:00" in text and "drive off for 1.27 s" in text and "25.0 to 76.0" in text
 
 
 def test_script_and_scenario_files_read_back(tmp_path):
@@ -284,7 +295,7 @@ def test_script_and_scenario_files_read_back(tmp_path):
     assert found == bench_script.of(scenario.prepare(expected))
     assert [command for command in found.command if command.at_s > 0] == expected.command
     assert {command.kind for command in found.command if command.at_s == 0} == {"loop", "compensation", "output_filter"}
-    script.write_text(script.read_text().replace("duration_s = 594.0", "duration_s = 100.0"))
+    script.write_text(script.read_text().replace("duration_s = 600.0", "duration_s = 100.0"))
     with pytest.raises(BadInput, match="comes after the end"):
         bench_script.load(script)
 

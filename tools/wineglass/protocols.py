@@ -63,6 +63,7 @@ class ProtocolSegment(Section):
     rate_chirp: float = quantity(0.0, "1", "amplitude of a sine of rising frequency, of the loop's range", ge=0, le=1)
     amplitude: list[float] = quantity([], "1", "set-points of the primary amplitude, of the device's own; the last one stays")
     drive_off: float = quantity(0.0, "decay time", "how long the drive is off, after a quarter of the segment", ge=0, le=5)
+    open_loop: bool = quantity(False, "", "the rebalance loop is open meanwhile")
     test_signal: list[TestForce] = quantity([], "", "forces on the sense axis")
     bursts: list[float] = quantity([], "1", "when raw codes are recorded, parts of the segment")
     check: str = quantity("", "", "what the person at the bench looks at")
@@ -193,7 +194,7 @@ def scenario(name: str | Path | Protocol, device: str | Device = DEVICE, loop: L
         recording=Recording(baseband_hz=record_hz, output_hz=record_hz, reference_hz=record_hz,
                             bursts=[Burst(time_s=part.at(at), samples=protocol.burst_samples) for part in parts for at in part.segment.bursts]),
         segment=[Segment(name=part.segment.name, begin_s=part.begin_s, end_s=part.end_s, what=describe(part, described, loop)) for part in parts],
-        command=[command for part in parts for command in commands(part, described) if command.at_s < parts[-1].end_s],
+        command=[command for part in parts for command in commands(part, described, loop) if command.at_s < parts[-1].end_s],
     )
     return made.changed(changes, f"protocol {protocol.name}")
 
@@ -259,11 +260,14 @@ def chirp(part: Placed, device: Device, full_deg_s: float) -> ChirpRate:
                      begin_s=part.begin_s, duration_s=length)
 
 
-def commands(part: Placed, device: Device) -> Iterator[schedule.AnyCommand]:
+def commands(part: Placed, device: Device, loop: Loop) -> Iterator[schedule.AnyCommand]:
     """What is asked of the device during a segment."""
     segment = part.segment
     for time_s, wanted in zip(part.shares(len(segment.amplitude)), segment.amplitude, strict=True):
         yield schedule.AmplitudeCommand(at_s=time_s, set_point_fs=round(wanted * device.firmware.amplitude_fs, 6))
+    if segment.open_loop and loop == "rebalance":
+        yield schedule.LoopCommand(at_s=part.begin_s, mode="open")
+        yield schedule.LoopCommand(at_s=part.end_s, mode="rebalance")
     if segment.drive_off:
         off_s = part.at(DRIVE_OFF_AT)
         yield schedule.DriveCommand(at_s=off_s, on=False)
@@ -283,7 +287,7 @@ def tone_hz(part: Placed, force: TestForce, device: Device) -> float:
 
 def describe(part: Placed, device: Device, loop: Loop) -> str:
     """One line for a person."""
-    return "; ".join(filter(None, (chamber_text(part), table_text(part, device, loop), device_text(part, device)))) or "rest"
+    return "; ".join(filter(None, (chamber_text(part), table_text(part, device, loop), device_text(part, device, loop)))) or "rest"
 
 
 def chamber_text(part: Placed) -> str:
@@ -305,9 +309,11 @@ def table_text(part: Placed, device: Device, loop: Loop) -> str:
     return ""
 
 
-def device_text(part: Placed, device: Device) -> str:
+def device_text(part: Placed, device: Device, loop: Loop) -> str:
     """What is asked of the device."""
     segment, told = part.segment, []
+    if segment.open_loop and loop == "rebalance":
+        told.append("loop open")
     if segment.amplitude:
         told.append("amplitude " + ", ".join(f"{wanted * device.firmware.amplitude_fs:.3g}" for wanted in segment.amplitude) + " FS")
     if segment.drive_off:

@@ -82,7 +82,7 @@ def _asked(part: Any, device: Any, loop: str) -> str:
 
     times = [f"{part.at(at):g}" for at in part.segment.bursts]
     bursts = f"{'bursts' if len(times) > 1 else 'burst'} at {', '.join(times)} s" if times else ""
-    return "; ".join(filter(None, [protocols.table_text(part, device, loop), protocols.device_text(part, device), bursts])) or "rest"
+    return "; ".join(filter(None, [protocols.table_text(part, device, loop), protocols.device_text(part, device, loop), bursts])) or "rest"
 
 
 def _write(args: argparse.Namespace, scenario: Any) -> dict[str, Path]:
