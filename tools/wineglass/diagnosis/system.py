@@ -87,9 +87,7 @@ def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray
         noise = np.full(base.grid.count, floor.innovation[i])
         if name == "drive_frequency" and usual > 0:
             noise *= np.maximum(1.0, usual / np.maximum(amplitude, 0.05 * usual))
-        if name in LEAST_NOISE = 0.8  # of the described floor
-JUMP = 1e-3  # of the change from frame to frame, where the rate steps: recorded means do not say how the step went
-SETTLING:
+        if name in SETTLING:
             change = np.abs(np.gradient(base[name]))
             moving = np.maximum.reduce([np.roll(change, k) for k in range(-3, 7)])
             noise = np.hypot(noise, TRANSIENT * moving)
