@@ -107,26 +107,31 @@ static enum reason check_envelope(const uint8_t *block, size_t size)
 }
 
 /* Range: a 64-bit field with its top bit set reads as negative, which no table row allows for frequencies and times. */
+static bool in_range(const struct calibration_field *field, uint64_t bits)
+{
+    int64_t value = field->width == 4 && field->is_signed ? (int32_t)(uint32_t)bits : (int64_t)bits;
+    return value >= field->min && value <= field->max;
+}
+
 static bool read_field(const struct calibration_field *field, struct byte_reader *reader, struct calibration *calibration)
 {
     uint64_t bits = get_little_endian(reader, field->width);
-    int64_t value = field->width == 4 && field->is_signed ? (int32_t)(uint32_t)bits : (int64_t)bits;
     layout_store((uint8_t *)calibration + field->offset, field->width, bits);
-    return value >= field->min && value <= field->max;
+    return in_range(field, bits);
 }
 
 static enum reason read_fields(const uint8_t *block, struct calibration *calibration)
 {
     struct byte_reader reader = {block + HEADER_BYTES, CALIBRATION_BYTES - HEADER_BYTES, false};
-    bool in_range = true;
+    bool all_in_range = true;
     for (size_t i = 0; i < CALIBRATION_NAME_BYTES; i++) {
         calibration->device_name[i] = get_u8(&reader);
     }
     for (size_t i = 0; i < FIELD_COUNT; i++) {
-        in_range = read_field(&fields[i], &reader, calibration) && in_range;
+        all_in_range = read_field(&fields[i], &reader, calibration) && all_in_range;
     }
     calibration->crc = get_u32(&reader);
-    return in_range && reader.left == 0 && !reader.short_of_bytes ? REASON_OK : REASON_CALIBRATION_RANGE;
+    return all_in_range && reader.left == 0 && !reader.short_of_bytes ? REASON_OK : REASON_CALIBRATION_RANGE;
 }
 
 static bool near(int64_t a, int64_t b, int64_t tolerance)
@@ -155,14 +160,34 @@ static bool rebalance_agrees(const struct gyro_cfg *gyro)
     return rebalance_limits_fit(&gyro->rebalance) && (gyro->loop != GYRO_LOOP_REBALANCE || rebalance_is_described(gyro));
 }
 
-static bool fields_agree(const struct calibration *calibration)
+static bool gyro_agrees(const struct gyro_cfg *gyro)
 {
-    const struct gyro_cfg *gyro = &calibration->gyro;
     int64_t window = (int64_t)gyro->lockin.decimation * gyro->lockin.decimation;
     return gyro->acquisition.freq_start_u64 < gyro->acquisition.freq_end_u64 &&
            gyro->thermometer.shift_min_q20 < gyro->thermometer.shift_max_q20 &&
-           near(gyro->lockin.normalise_q31, (INT64_C(4) << 31) / window, 1) && period_agrees(calibration) &&
-           center_agrees(&gyro->tuning) && rebalance_agrees(gyro);
+           near(gyro->lockin.normalise_q31, (INT64_C(4) << 31) / window, 1) && center_agrees(&gyro->tuning) && rebalance_agrees(gyro);
+}
+
+static bool fields_agree(const struct calibration *calibration)
+{
+    return gyro_agrees(&calibration->gyro) && period_agrees(calibration);
+}
+
+static bool rebalance_is_unstable(const struct gyro_cfg *gyro)
+{
+    return rebalance_is_described(gyro) && !rebalance_is_stable(gyro);
+}
+
+bool calibration_gyro_is_sound(const struct gyro_cfg *gyro)
+{
+    for (size_t i = 0; i < FIELD_COUNT; i++) {
+        const struct calibration_field *field = &fields[i];
+        bool of_the_gyro = field->offset >= AT(gyro);
+        if (of_the_gyro && !in_range(field, layout_load((const uint8_t *)gyro + (field->offset - AT(gyro)), field->width))) {
+            return false;
+        }
+    }
+    return gyro_agrees(gyro) && !rebalance_is_unstable(gyro);
 }
 
 /* What the block says once and the configuration holds twice, and what the board adds. */
@@ -186,7 +211,7 @@ enum reason calibration_parse(const uint8_t *block, size_t size, const struct ha
     if (reason == REASON_OK && !fields_agree(&parsed)) {
         reason = REASON_CALIBRATION_CONFLICT;
     }
-    if (reason == REASON_OK && rebalance_is_described(&parsed.gyro) && !rebalance_is_stable(&parsed.gyro)) {
+    if (reason == REASON_OK && rebalance_is_unstable(&parsed.gyro)) {
         reason = REASON_CALIBRATION_UNSTABLE;
     }
     if (reason == REASON_OK && parsed.sample_rate_millihz != board->sample_rate_millihz) {

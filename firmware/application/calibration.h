@@ -34,6 +34,9 @@ struct calibration {
 enum reason calibration_parse(const uint8_t *block, size_t size, const struct hal_properties *board,
                               struct calibration *calibration);
 
+/* The same ranges, and the fields against each other, for a configuration that comes from elsewhere: only one that a block and commands can lead to. */
+bool calibration_gyro_is_sound(const struct gyro_cfg *gyro);
+
 /* A sound block with something added to the constant terms of both phase polynomials, its sequence number one up, and sealed again. */
 void calibration_add_phases(uint8_t block[CALIBRATION_BYTES], int32_t drive_rad_q31, int32_t demodulation_rad_q31);
 

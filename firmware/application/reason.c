@@ -45,6 +45,12 @@ const char *reason_text(enum reason reason)
         return "calibration block: made for another sampling rate";
     case REASON_CALIBRATION_UNSTABLE:
         return "calibration block: the rebalance loop would be unstable";
+    case REASON_SNAPSHOT_VERSION:
+        return "snapshot: unknown version or wrong size";
+    case REASON_SNAPSHOT_RANGE:
+        return "snapshot: a number out of range";
+    case REASON_SNAPSHOT_BOARD:
+        return "snapshot: taken with other converters";
     }
     return "unknown reason";
 }

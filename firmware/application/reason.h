@@ -23,7 +23,10 @@ enum reason {
     REASON_CALIBRATION_RANGE = 20,   /* a field is outside its range */
     REASON_CALIBRATION_CONFLICT = 21,/* fields contradict each other */
     REASON_CALIBRATION_BOARD = 22,   /* made for another sampling rate */
-    REASON_CALIBRATION_UNSTABLE = 23 /* its rebalance loop would have too little margin */
+    REASON_CALIBRATION_UNSTABLE = 23,/* its rebalance loop would have too little margin */
+    REASON_SNAPSHOT_VERSION = 24,    /* or size */
+    REASON_SNAPSHOT_RANGE = 25,      /* a number that the signal processing does not leave there */
+    REASON_SNAPSHOT_BOARD = 26       /* taken with other converters */
 };
 
 /* A few words for people; never NULL. */

@@ -2,6 +2,7 @@
 
 #include "application/bytes.h"
 #include "application/layout.h"
+#include "application/snapshot_check.h"
 
 #define CFG(member, width)          {offsetof(struct gyro_cfg, member), (width), 1}
 #define CFGS(member, width, count)  {offsetof(struct gyro_cfg, member), (width), (count)}
@@ -126,32 +127,20 @@ size_t snapshot_write(const struct snapshot *snapshot, size_t position, uint8_t 
     return written;
 }
 
-/* What the signal processing divides by, shifts by or finds a row of a table with; a damaged file must not reach beyond those. */
-static bool usable(const struct gyro_cfg *cfg)
-{
-    return cfg->lockin.decimation >= 8 && cfg->lockin.decimation <= LOCKIN_MAX_DECIMATION &&
-           cfg->acquisition.decimation == cfg->lockin.decimation && cfg->loops_per_slow >= 1 && cfg->loops_per_slow <= 64 &&
-           cfg->acquisition.chirp_ticks_log2 <= 16 && cfg->acquisition.listen_ticks_log2 <= 12 &&
-           cfg->output_filter < OUTPUT_FILTER_COUNT && cfg->loop < GYRO_LOOP_COUNT &&
-           cfg->compensation < GYRO_COMPENSATION_COUNT && cfg->dac_shift <= 24;
-}
-
-int snapshot_read(const uint8_t *bytes, size_t size, struct snapshot *snapshot)
+enum reason snapshot_read(const uint8_t *bytes, size_t size, struct snapshot *snapshot)
 {
     struct byte_reader reader = {bytes, size, false};
     uint16_t version = get_u16(&reader);
     uint16_t stated = get_u16(&reader);
     if (version != SNAPSHOT_VERSION || stated != size || size != snapshot_bytes()) {
-        return -1;
+        return REASON_SNAPSHOT_VERSION;
     }
-    uint64_t sample_counter = get_u64(&reader);
-    struct gyro_cfg cfg = {.loop = 0};
-    layout_read(cfg_fields, CFG_FIELDS, &cfg, reader.next);
-    if (!usable(&cfg)) {
-        return -1;
+    struct snapshot read = {.sample_counter = get_u64(&reader)};
+    layout_read(cfg_fields, CFG_FIELDS, &read.cfg, reader.next);
+    layout_read(state_fields, STATE_FIELDS, &read.state, reader.next + layout_bytes(cfg_fields, CFG_FIELDS));
+    if (!snapshot_is_sound(&read)) {
+        return REASON_SNAPSHOT_RANGE;
     }
-    snapshot->sample_counter = sample_counter;
-    snapshot->cfg = cfg;
-    layout_read(state_fields, STATE_FIELDS, &snapshot->state, reader.next + layout_bytes(cfg_fields, CFG_FIELDS));
-    return 0;
+    *snapshot = read;
+    return REASON_OK;
 }

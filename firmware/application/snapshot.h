@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "application/reason.h"
 #include "core/gyro.h"
 
 #define SNAPSHOT_VERSION      2
@@ -21,8 +22,8 @@ size_t snapshot_bytes(void);
 /* Bytes position .. position + count - 1, as far as there are any; returns how many were written. */
 size_t snapshot_write(const struct snapshot *snapshot, size_t position, uint8_t *out, size_t count);
 
-/* 0, or -1 when version or size are not the present ones or a count, shift or choice is outside its range (*snapshot unchanged). The
- * other numbers are taken as they are: a state is trusted to come from a device. */
-int snapshot_read(const uint8_t *bytes, size_t size, struct snapshot *snapshot);
+/* Refused, with *snapshot unchanged, when version or size are not the present ones, or when a number is none that the signal processing could
+ * have left there (application/snapshot_check.h). */
+enum reason snapshot_read(const uint8_t *bytes, size_t size, struct snapshot *snapshot);
 
 #endif

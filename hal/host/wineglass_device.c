@@ -236,8 +236,12 @@ int32_t wg_device_restore(struct wg_device *device, const uint8_t *bytes, size_t
 {
     struct snapshot snapshot;
     struct application *app = &device->app;
-    if (snapshot_read(bytes, size, &snapshot) != 0 || snapshot.cfg.dac_shift != app->codes.dac_shift) {
-        return -1;
+    enum reason reason = snapshot_read(bytes, size, &snapshot);
+    if (reason == REASON_OK && snapshot.cfg.dac_shift != app->codes.dac_shift) {
+        reason = REASON_SNAPSHOT_BOARD;
+    }
+    if (reason != REASON_OK) {
+        return (int32_t)reason;
     }
     app->cfgs[0] = app->cfgs[1] = snapshot.cfg;
     app->calibration.gyro = snapshot.cfg;

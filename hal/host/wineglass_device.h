@@ -88,7 +88,8 @@ WG_EXPORT int32_t wg_device_command_write(struct wg_device *device, const uint8_
 WG_EXPORT void wg_device_get_signals(const struct wg_device *device, struct wg_device_signals *signals);
 
 /* Complete state and configuration of the signal processing between two samples, in the format of the snapshot frames.
- * wg_device_snapshot returns the size, or -1 when capacity is too small; wg_device_restore 0 or -1 (refused, nothing changed). */
+ * wg_device_snapshot returns the size, or -1 when capacity is too small; wg_device_restore 0 or the reason code why
+ * it was refused (docs/SPEC.md; nothing has changed then): a snapshot is checked number by number, none can make the firmware fail. */
 WG_EXPORT size_t wg_device_snapshot_size(void);
 WG_EXPORT int64_t wg_device_snapshot(const struct wg_device *device, uint8_t *bytes, size_t capacity);
 WG_EXPORT int32_t wg_device_restore(struct wg_device *device, const uint8_t *bytes, size_t size);

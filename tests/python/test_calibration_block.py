@@ -110,7 +110,7 @@ def test_round_trip_of_any_calibration(frequency, rate, gain, ratio, reference, 
         thermometer_degc_per_lsb=lsb, bias_rad_s=[c / 128**i * 100 for i, c in enumerate(bias)], pll_kp_per_s=kp, pll_ki_per_s2=ki,
         amplitude_set_point_fs=amplitude, lock_amplitude_limit=limit, loop_delay_samples=delay, decimation=decimation,
         thermometer_code_at_reference=code, chirp_s=512 * tick, listen_s=512 * tick, settle_s=20 * tick, lock_hold_s=500 * tick,
-        rebalance_ki_per_s=45.0)  # sound for every gain and delay above
+        rebalance_kp=0.5 * golden.rebalance_kp, rebalance_ki_per_s=10.0)  # sound for every gain and delay above
     block = cb.to_binary(calibration)
     assert firmware_reason(block, cb.unpack(block)["sample_rate_millihz"] / 1000) == 0
     assert cb.to_binary(cb.from_binary(block)) == block

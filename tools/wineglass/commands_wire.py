@@ -80,6 +80,9 @@ class Reason(IntEnum):
     CALIBRATION_CONFLICT = 21
     CALIBRATION_BOARD = 22
     CALIBRATION_UNSTABLE = 23
+    SNAPSHOT_VERSION = 24
+    SNAPSHOT_RANGE = 25
+    SNAPSHOT_BOARD = 26
 
 
 def unlock_key(unique_id: int) -> int:

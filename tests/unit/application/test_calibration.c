@@ -100,7 +100,7 @@ static void ranges_end_where_they_should(void)
         {"amplitude, high", BLOCK_AMPLITUDE, 4, AMPLITUDE_MAX_Q30, AMPLITUDE_MAX_Q30 + 1},
         {"drive limit, low", BLOCK_DRIVE_MAX, 4, 1, 0},
         {"drive limit, high", BLOCK_DRIVE_MAX, 4, DRIVE_MAX_Q31, DRIVE_MAX_Q31 + 1},
-        {"loop delay, high", BLOCK_QUADRATURE_LIMIT + 4, 4, 16 * 65536 - 1, 16 * 65536},
+        {"loop delay, high", BLOCK_QUADRATURE_LIMIT + 4, 4, 64 * 65536 - 1, 64 * 65536},
         {"hold ticks, low", BLOCK_LOOP - 8, 4, 1, 0},
         {"adc limit, low", BLOCK_LOOP - 4, 4, 1 << 30, (1 << 30) - 1},
         {"compensation", BLOCK_COMPENSATION, 4, 2, 3},

@@ -90,6 +90,10 @@ static struct run *run_create(uint32_t compensation)
     run->noise.counter = 99;
     fixture_plant_init(&run->plant, &run->device);
     run->gyro.cfg = fixture_cfg(&run->device);
+    run->gyro.cfg.thermometer.shift_min_q20 = -(100 << 20); /* like from a block */
+    run->gyro.cfg.thermometer.shift_max_q20 = 100 << 20;
+    run->gyro.cfg.drive.freq_min_u64 = run->gyro.cfg.acquisition.freq_start_u64;
+    run->gyro.cfg.drive.freq_max_u64 = run->gyro.cfg.acquisition.freq_end_u64;
     run->gyro.cfg.bias_rad_s_q31.coef[1] = 1 << 24;
     run->gyro.cfg.bias_rad_s_q31.order = 1;
     gyro_reset(&run->gyro.cfg, &run->gyro.state);
@@ -190,11 +194,11 @@ static void other_versions_and_sizes_are_refused(void)
     write_whole(&run->gyro, bytes);
     free(run);
     TEST_ASSERT_EQUAL_INT(0, snapshot_read(bytes, snapshot_bytes(), &snapshot));
-    TEST_ASSERT_EQUAL_INT(-1, snapshot_read(bytes, snapshot_bytes() - 1, &snapshot));
-    TEST_ASSERT_EQUAL_INT(-1, snapshot_read(bytes, snapshot_bytes() + 1, &snapshot));
-    TEST_ASSERT_EQUAL_INT(-1, snapshot_read(bytes, 0, &snapshot));
+    TEST_ASSERT_EQUAL_INT(REASON_SNAPSHOT_VERSION, snapshot_read(bytes, snapshot_bytes() - 1, &snapshot));
+    TEST_ASSERT_EQUAL_INT(REASON_SNAPSHOT_VERSION, snapshot_read(bytes, snapshot_bytes() + 1, &snapshot));
+    TEST_ASSERT_EQUAL_INT(REASON_SNAPSHOT_VERSION, snapshot_read(bytes, 0, &snapshot));
     bytes[0] ^= 1;
-    TEST_ASSERT_EQUAL_INT(-1, snapshot_read(bytes, snapshot_bytes(), &snapshot));
+    TEST_ASSERT_EQUAL_INT(REASON_SNAPSHOT_VERSION, snapshot_read(bytes, snapshot_bytes(), &snapshot));
 }
 
 static void expect_refused(const struct snapshot *changed)
@@ -203,7 +207,7 @@ static void expect_refused(const struct snapshot *changed)
     uint8_t bytes[SNAPSHOT_MAX], before[SNAPSHOT_MAX], after[SNAPSHOT_MAX];
     write_whole(&target, before);
     write_whole(changed, bytes);
-    TEST_ASSERT_EQUAL_INT(-1, snapshot_read(bytes, snapshot_bytes(), &target));
+    TEST_ASSERT_EQUAL_INT(REASON_SNAPSHOT_RANGE, snapshot_read(bytes, snapshot_bytes(), &target));
     write_whole(&target, after);
     TEST_ASSERT_EQUAL_HEX8_ARRAY(before, after, snapshot_bytes());
 }
@@ -228,6 +232,85 @@ static void counts_shifts_and_choices_outside_their_range_are_refused(void)
     free(run);
 }
 
+/* Each number alone, in a gyro that is in lock: one beyond the bound of the range proof that begins from it. */
+static void numbers_that_no_range_proof_allows_are_refused(void)
+{
+    struct run *run = run_create(GYRO_COMPENSATION_G2);
+    advance(run, 60000);
+    struct gyro_state *state = &run->gyro.state;
+    const struct {
+        void *word;
+        int64_t value;
+        bool wide;
+    } wrong[] = {
+        {&state->primary_lockin.in_phase.falling_q52, INT64_C(3) << 61, true},
+        {&state->secondary_lockin.quadrature.rising_q52, -(INT64_C(1) << 62), true},
+        {&state->decoupler.q1_q61, (INT64_C(1) << 60) + 1, true},
+        {&state->decoupler.q2_q61, INT64_MIN, true},
+        {&state->decoupler_coefs.gain_q48, INT32_MAX, false},
+        {&state->decoupler_coefs.eps_q36, -1, false},
+        {&state->drive.drive_integral_q54, -1, true},
+        {&state->rebalance.in_phase.integral_q54, INT64_MAX, true},
+        {&state->drive_shaper.error1, (1 << 23) + 1, false},
+        {&state->rate.removed_rad_s_q46, INT64_C(1) << 60, true},
+        {&state->filter.y2[1], INT64_MAX / 2, true},
+        {&state->drive_lead.cosine_q30, INT32_MIN, false},
+        {&state->demodulation.sine_q30, INT32_MAX, false},
+        {&state->drive_force.cosine_q31, INT32_MIN, false},
+        {&state->rebalance_force.sine_q31, INT32_MIN, false},
+        {&state->primary_sum.i_q30, INT64_C(1) << 40, true},
+        {&state->rebalance_sum.q_q30, -(INT64_C(1) << 33), true},
+        {&state->acquisition.attempt, 7, false},
+        {&state->acquisition.phase, 4, false},
+        {&state->loop_slot, 10, false},
+        {&state->slow_slot, 5, false},
+        {&state->blank_ticks, -1, false},
+        {&state->loop, 2, false},
+        {&run->gyro.cfg.lockin.normalise_q31, INT32_MAX, false},
+        {&run->gyro.cfg.tuning.center_2cos_q40, INT64_C(1) << 50, true},
+        {&run->gyro.cfg.test_signal.in_phase_q31, INT32_MIN, false},
+        {&run->gyro.cfg.drive.freq_min_u64, 0, true},
+    };
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        const struct snapshot right = run->gyro;
+        if (wrong[i].wide) {
+            *(int64_t *)wrong[i].word = wrong[i].value;
+        } else {
+            *(int32_t *)wrong[i].word = (int32_t)wrong[i].value;
+        }
+        expect_refused(&run->gyro);
+        run->gyro = right;
+    }
+    free(run);
+}
+
+/* While it listens the sums hang together: each of them is possible, one beside the others is not. */
+static void a_ringing_that_cannot_have_been_heard_is_refused(void)
+{
+    struct run *run = run_create(GYRO_COMPENSATION_G2);
+    static struct snapshot taken;
+    uint8_t bytes[SNAPSHOT_MAX];
+    while (run->gyro.state.acquisition.phase != ACQUISITION_LISTEN || run->gyro.state.acquisition.tick < 300) {
+        advance(run, 1);
+    }
+    write_whole(&run->gyro, bytes);
+    TEST_ASSERT_EQUAL_INT(REASON_OK, snapshot_read(bytes, snapshot_bytes(), &taken));
+    struct acquisition_state *heard = &run->gyro.state.acquisition;
+    int64_t most = (INT64_C(1) << 31) << 16; /* 2^31 M^2 with M = 2^8 */
+    int64_t *const sums[] = {&heard->half_sum[0], &heard->half_sum[1], &heard->unwrapped};
+    for (size_t i = 0; i < sizeof sums / sizeof sums[0]; i++) {
+        int64_t right = *sums[i];
+        *sums[i] += 2 * most;
+        expect_refused(&run->gyro);
+        *sums[i] = right - 2 * most;
+        expect_refused(&run->gyro);
+        *sums[i] = right;
+    }
+    heard->tick = 512; /* it would have ended by then */
+    expect_refused(&run->gyro);
+    free(run);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -236,5 +319,7 @@ int main(void)
     RUN_TEST(chunks_are_the_whole);
     RUN_TEST(other_versions_and_sizes_are_refused);
     RUN_TEST(counts_shifts_and_choices_outside_their_range_are_refused);
+    RUN_TEST(numbers_that_no_range_proof_allows_are_refused);
+    RUN_TEST(a_ringing_that_cannot_have_been_heard_is_refused);
     return UNITY_END();
 }

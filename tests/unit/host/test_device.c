@@ -134,7 +134,7 @@ static void snapshots_move_a_gyro_to_another_device(void)
     wg_device_run(a, N, adc, first);
     TEST_ASSERT_EQUAL_INT64(-1, wg_device_snapshot(a, bytes, wg_device_snapshot_size() - 1));
     TEST_ASSERT_EQUAL_INT64(wg_device_snapshot_size(), wg_device_snapshot(a, bytes, wg_device_snapshot_size()));
-    TEST_ASSERT_EQUAL_INT32(-1, wg_device_restore(b, bytes, wg_device_snapshot_size() - 1));
+    TEST_ASSERT_EQUAL_INT32(REASON_SNAPSHOT_VERSION, wg_device_restore(b, bytes, wg_device_snapshot_size() - 1));
     TEST_ASSERT_EQUAL_INT32(0, wg_device_restore(b, bytes, wg_device_snapshot_size()));
     fill_codes(adc, N, 4);
     wg_device_run(a, N, adc, first);
@@ -143,7 +143,7 @@ static void snapshots_move_a_gyro_to_another_device(void)
     struct wg_device_cfg cfg_12 = cfg_16;
     cfg_12.dac_bits = 12;
     struct wg_device *c = wg_device_create(&cfg_12, NULL, 0);
-    TEST_ASSERT_EQUAL_INT32(-1, wg_device_restore(c, bytes, wg_device_snapshot_size()));
+    TEST_ASSERT_EQUAL_INT32(REASON_SNAPSHOT_BOARD, wg_device_restore(c, bytes, wg_device_snapshot_size()));
     wg_device_destroy(a);
     wg_device_destroy(b);
     wg_device_destroy(c);

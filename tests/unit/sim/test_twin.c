@@ -62,7 +62,7 @@ static void bad_configurations_are_refused(void)
     REFUSED(thermal.initial_degc, NAN, TWIN_ERROR_THERMAL);
     REFUSED(electronics.adc_bits, 7, TWIN_ERROR_ELECTRONICS);
     REFUSED(electronics.dac_bits, 33, TWIN_ERROR_ELECTRONICS);
-    REFUSED(electronics.adc_delay_samples, 7.5, TWIN_ERROR_ELECTRONICS);
+    REFUSED(electronics.adc_delay_samples, 24.5, TWIN_ERROR_ELECTRONICS);
     REFUSED(electronics.dac_latency_samples, -0.1, TWIN_ERROR_ELECTRONICS);
     REFUSED(electronics.adc_noise_rms_fs[1], NAN, TWIN_ERROR_ELECTRONICS);
     struct twin_cfg cfg = device();
