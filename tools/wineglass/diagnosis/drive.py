@@ -22,7 +22,7 @@ from wineglass.calibration_block import OUTPUT_FILTERS
 from wineglass.device import Device
 from wineglass.errors import BadInput
 from wineglass.recording import Recording, Tap
-from wineglass.schedule import AnyCommand
+from wineglass.schedule import AnyCommand, LoopCommand
 
 SMOOTHED_OVER = 0.1  # of the shell's time constant: a recorded shell temperature is smoothed over this
 
@@ -57,6 +57,15 @@ def from_recording(recording: Recording, described: Device | None = None) -> Dri
     notes = () if rate_known else ("no true rate was recorded: the device is taken to stand still",)
     run = scenario.Run(described_scenario, device, device)
     return Driven(run, block or _nominal_block(run), source, rate_known, notes)
+
+
+def loop_at(driven: Driven, time_s: np.ndarray) -> np.ndarray:
+    """(n,) bool: force-to-rebalance is on."""
+    on = np.full(len(time_s), driven.run.scenario.mode.loop == "rebalance")
+    for command in driven.run.scenario.command:
+        if isinstance(command, LoopCommand):
+            on[time_s >= command.at_s] = command.mode == "rebalance"
+    return on
 
 
 def described_device(recording: Recording) -> Device:

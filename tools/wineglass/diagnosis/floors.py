@@ -17,6 +17,7 @@ from wineglass.envelope import Envelope
 from wineglass.profiles import ConstantRate, ConstantTemperature
 from wineglass.recording import Recording
 from wineglass.scenario import Run
+from wineglass.schedule import LoopCommand
 from wineglass.simulation import simulate
 
 REST_FRAMES = 280
@@ -40,12 +41,31 @@ class Floor:
         return lfilter(taps, [1.0], series, axis=-1) / self.innovation[channel]
 
 
-def at_rest(driven: Driven, grid: Grid, names: tuple[str, ...]) -> Floor:
-    """The floor of `names`, from the described device standing still at its calibration temperature."""
+def at_rest(driven: Driven, grid: Grid, names: tuple[str, ...], loops: frozenset[str]) -> Floor:
+    """The floor of `names`, from the described device standing still at its calibration temperature. Where it ran in both loops, every
+    channel counts in the loop in which it moves: `counts_in`."""
+    found = {loop: _resting(driven, grid, names, loop) for loop in loops}
+    one = next(iter(found.values()))
+    if len(found) == 1:
+        return one
+    rows = [found["rebalance" if name.startswith("rebalance") else "open"] for name in names]
+    return Floor(np.array([f.rms[i] for i, f in enumerate(rows)]), np.array([f.innovation[i] for i, f in enumerate(rows)]),
+                 np.array([f.coefficients[i] for i, f in enumerate(rows)]))
+
+
+def counts_in(name: str) -> str | None:
+    """The loop in which a channel says something, None: in both. Held at rest, the secondary shows its own noise only."""
+    if name.startswith("secondary"):
+        return "open"
+    return "rebalance" if name.startswith("rebalance") else None
+
+
+def _resting(driven: Driven, grid: Grid, names: tuple[str, ...], loop: str) -> Floor:
     run = driven.run
     held = ConstantTemperature(value_degc=run.device.resonator.reference_temperature_degc, acts_on=run.scenario.temperature.acts_on)
     resting = run.scenario.model_copy(update={
-        "duration_s": LEFT_OUT_S + REST_FRAMES * grid.frame_s, "command": [], "seed": SEED, "temperature": held, "rate": ConstantRate()})
+        "duration_s": LEFT_OUT_S + REST_FRAMES * grid.frame_s, "seed": SEED, "temperature": held, "rate": ConstantRate(),
+        "command": [LoopCommand(at_s=0.0, mode=loop)]})
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rest.h5"
         simulate(Run(resting, run.device, run.truth), path, calibration_block=driven.calibration_block)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wineglass.diagnosis.channels import Frames, Grid
-from wineglass.diagnosis.floors import Floor
+from wineglass.diagnosis.floors import ORDER, Floor
 
 FOLDS = 5
 TRANSIENT = 3e-4  # of the change from frame to frame: what the primary's channels are not to be believed to while a loop settles
@@ -93,7 +93,8 @@ def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray
             noise = np.hypot(noise, TRANSIENT * moving)
         if name.startswith(("secondary", "rebalance")):
             change = np.abs(np.gradient(base[name]))
-            noise = np.hypot(noise, np.where(jumps, JUMP * np.maximum(change, np.roll(change, 1)), 0.0))
+            doubt = np.where(jumps, JUMP * np.maximum(change, np.roll(change, 1)), 0.0)
+            noise = np.hypot(noise, np.maximum.reduce([np.roll(doubt, k) for k in range(ORDER + 1)]))
         weight[i] = floor.innovation[i] / noise
     return weight
 

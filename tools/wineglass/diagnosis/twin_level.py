@@ -33,6 +33,7 @@ CLOSED_SINGLES, CLOSED_SETS = 6, 6
 PARTED = 2  # sets of each size that are also tried without each of their effects
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
+SWITCHING = 12  # frames after the loop was opened or closed
 BEND = 0.03  # of the rate's span: a second difference beyond that is a step
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
@@ -85,7 +86,8 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     grid = channels.grid_of(recording)
     recorded = channels.read(recording, grid)
     bench = Bench(driven, grid, recorded.names)
-    floor = floors.at_rest(driven, grid, bench.names)
+    rebalancing = drive.loop_at(driven, grid.time_s)
+    floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}))
     advance()
     base = _with_ideal_thermometer(full_twin(driven, grid), bench)
     advance()
@@ -93,7 +95,7 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     advance()
     pick = system.chosen(bench.names, floor)
     names = tuple(bench.names[i] for i in pick)
-    built = system.build(recorded, base, _picked(floor, pick), names, edges_of(recording), jumps(driven, grid),
+    built = system.build(_where_it_counts(recorded, rebalancing), base, _picked(floor, pick), names, edges_of(recording), jumps(driven, grid),
                          regressors(driven, bench, base))
     columns = built.whiten(found.values[:, pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
     table = system.products(built, columns)
@@ -116,6 +118,19 @@ def _with_ideal_thermometer(base: Frames, bench: Bench) -> Frames:
     values = base.values.copy()
     values[base.names.index("temperature_measured")] = bench.nominal[bench.names.index("temperature_measured")]
     return Frames(base.grid, base.names, values, base.use)
+
+
+def _where_it_counts(recorded: Frames, rebalancing: np.ndarray) -> Frames:
+    """Channels masked where the loop in use leaves them nothing to say, and where it was just changed."""
+    changing = np.zeros(len(rebalancing), bool)
+    for place in np.flatnonzero(np.diff(rebalancing)):
+        changing[max(0, place - 1) : place + 1 + SWITCHING] = True
+    use = recorded.use.copy()
+    for i, name in enumerate(recorded.names):
+        loop = floors.counts_in(name)
+        if loop is not None:
+            use[i] &= (rebalancing == (loop == "rebalance")) & ~changing
+    return Frames(recorded.grid, recorded.names, recorded.values, use)
 
 
 def _picked(floor: Floor, pick: list[int]) -> Floor:
