@@ -1,6 +1,9 @@
 #include "application/commands.h"
 
+#include <stddef.h>
+
 #include "application/crc32.h"
+#include "application/layout.h"
 #include "application/limits.h"
 #include "application/rebalance_check.h"
 #include "application/reports.h"
@@ -60,12 +63,58 @@ static enum reason configuration_is_free(struct application *app, bool in_range)
     return REASON_OK;
 }
 
-static enum reason set_compensation(struct application *app, struct byte_reader *payload)
+/* Commands that only set words of the configuration: the payload is these words, in this order. A word whose range is not negative is unsigned. */
+struct word {
+    uint8_t command;
+    uint16_t offset; /* in struct gyro_cfg */
+    int64_t min, max;
+};
+
+#define AT(member) offsetof(struct gyro_cfg, member)
+
+static const struct word words[] = {
+    {COMMAND_COMPENSATION, AT(compensation), 0, GYRO_COMPENSATION_COUNT - 1},
+    {COMMAND_PLL_GAINS, AT(drive.pll_proportional_q32), 1, PLL_PROPORTIONAL_MAX_Q32},
+    {COMMAND_PLL_GAINS, AT(drive.pll_integral_q32), 0, PLL_INTEGRAL_MAX_Q32},
+    {COMMAND_AGC_GAINS, AT(drive.agc_proportional_q16), 1, AGC_PROPORTIONAL_MAX_Q16},
+    {COMMAND_AGC_GAINS, AT(drive.agc_integral_q24), 0, AGC_INTEGRAL_MAX_Q24},
+    {COMMAND_OUTPUT_FILTER, AT(output_filter), 0, OUTPUT_FILTER_COUNT - 1},
+    {COMMAND_TEST_SIGNAL, AT(test_signal.in_phase_q31), -DRIVE_MAX_Q31, DRIVE_MAX_Q31},
+    {COMMAND_TEST_SIGNAL, AT(test_signal.quadrature_q31), -DRIVE_MAX_Q31, DRIVE_MAX_Q31},
+    {COMMAND_TEST_SIGNAL, AT(test_signal.freq_u32), 0, INT64_C(1) << 31},
+    {COMMAND_PHASE_SET_POINT, AT(drive.phase_set_point_i32), -PHASE_SET_POINT_MAX_I32, PHASE_SET_POINT_MAX_I32},
+};
+
+#define WORDS (sizeof words / sizeof words[0])
+
+static size_t words_of(uint8_t command)
 {
-    uint32_t compensation = get_u32(payload);
-    enum reason reason = configuration_is_free(app, compensation < GYRO_COMPENSATION_COUNT);
-    if (reason == REASON_OK) {
-        app->calibration.gyro.compensation = compensation;
+    size_t count = 0;
+    for (size_t i = 0; i < WORDS; i++) {
+        count += words[i].command == command;
+    }
+    return count;
+}
+
+static bool words_in_range(uint8_t command, struct byte_reader payload)
+{
+    bool in_range = true;
+    for (size_t i = 0; i < WORDS; i++) {
+        if (words[i].command == command) {
+            uint32_t bits = get_u32(&payload);
+            in_range = in_range && within(words[i].min < 0 ? (int64_t)(int32_t)bits : (int64_t)bits, words[i].min, words[i].max);
+        }
+    }
+    return in_range;
+}
+
+static enum reason set_words(struct application *app, uint8_t command, struct byte_reader *payload)
+{
+    enum reason reason = configuration_is_free(app, words_in_range(command, *payload));
+    for (size_t i = 0; i < WORDS && reason == REASON_OK; i++) {
+        if (words[i].command == command) {
+            layout_store((uint8_t *)&app->calibration.gyro + words[i].offset, sizeof(uint32_t), get_u32(payload));
+        }
     }
     return reason;
 }
@@ -86,32 +135,6 @@ static enum reason set_amplitude(struct application *app, struct byte_reader *pa
     if (reason == REASON_OK) {
         app->calibration.gyro.drive.amplitude_q30 = amplitude_q30;
         app->calibration.gyro.monitor.amplitude_limit_q30 = scaled_amplitude_limit_q30(app, amplitude_q30);
-    }
-    return reason;
-}
-
-static enum reason set_pll_gains(struct application *app, struct byte_reader *payload)
-{
-    uint32_t proportional_q32 = get_u32(payload);
-    uint32_t integral_q32 = get_u32(payload);
-    bool in_range = within(proportional_q32, 1, PLL_PROPORTIONAL_MAX_Q32) && within(integral_q32, 0, PLL_INTEGRAL_MAX_Q32);
-    enum reason reason = configuration_is_free(app, in_range);
-    if (reason == REASON_OK) {
-        app->calibration.gyro.drive.pll_proportional_q32 = proportional_q32;
-        app->calibration.gyro.drive.pll_integral_q32 = integral_q32;
-    }
-    return reason;
-}
-
-static enum reason set_agc_gains(struct application *app, struct byte_reader *payload)
-{
-    int32_t proportional_q16 = get_i32(payload);
-    int32_t integral_q24 = get_i32(payload);
-    bool in_range = within(proportional_q16, 1, AGC_PROPORTIONAL_MAX_Q16) && within(integral_q24, 0, AGC_INTEGRAL_MAX_Q24);
-    enum reason reason = configuration_is_free(app, in_range);
-    if (reason == REASON_OK) {
-        app->calibration.gyro.drive.agc_proportional_q16 = proportional_q16;
-        app->calibration.gyro.drive.agc_integral_q24 = integral_q24;
     }
     return reason;
 }
@@ -160,38 +183,12 @@ static enum reason set_rebalance(struct application *app, struct byte_reader *pa
     return reason;
 }
 
-static enum reason set_test_signal(struct application *app, struct byte_reader *payload)
-{
-    struct test_signal_cfg wanted;
-    wanted.in_phase_q31 = get_i32(payload);
-    wanted.quadrature_q31 = get_i32(payload);
-    wanted.freq_u32 = get_u32(payload);
-    bool in_range = within(wanted.in_phase_q31, -DRIVE_MAX_Q31, DRIVE_MAX_Q31) &&
-                    within(wanted.quadrature_q31, -DRIVE_MAX_Q31, DRIVE_MAX_Q31) &&
-                    within(wanted.freq_u32, 0, INT64_C(1) << 31);
-    enum reason reason = configuration_is_free(app, in_range);
-    if (reason == REASON_OK) {
-        app->calibration.gyro.test_signal = wanted;
-    }
-    return reason;
-}
-
 static enum reason set_drive(struct application *app, struct byte_reader *payload)
 {
     uint32_t on = get_u32(payload);
     enum reason reason = configuration_is_free(app, on <= 1);
     if (reason == REASON_OK) {
         app->calibration.gyro.drive.off = on == 0;
-    }
-    return reason;
-}
-
-static enum reason set_phase_set_point(struct application *app, struct byte_reader *payload)
-{
-    int32_t phase_i32 = get_i32(payload);
-    enum reason reason = configuration_is_free(app, within(phase_i32, -PHASE_SET_POINT_MAX_I32, PHASE_SET_POINT_MAX_I32));
-    if (reason == REASON_OK) {
-        app->calibration.gyro.drive.phase_set_point_i32 = phase_i32;
     }
     return reason;
 }
@@ -236,16 +233,6 @@ static enum reason calibrate_phases(struct application *app, struct byte_reader 
     enum reason reason = configuration_is_free(app, order_in_range(&order, &app->calibration.gyro));
     if (reason == REASON_OK) {
         phase_calibration_start(&app->phase_calibration, &order, &app->calibration.gyro);
-    }
-    return reason;
-}
-
-static enum reason set_output_filter(struct application *app, struct byte_reader *payload)
-{
-    uint32_t choice = get_u32(payload);
-    enum reason reason = configuration_is_free(app, choice < OUTPUT_FILTER_COUNT);
-    if (reason == REASON_OK) {
-        app->calibration.gyro.output_filter = choice;
     }
     return reason;
 }
@@ -411,18 +398,12 @@ struct command {
 static const struct command commands[] = {
     {COMMAND_PING, 0, ping},
     {COMMAND_STATUS, 0, status},
-    {COMMAND_COMPENSATION, 4, set_compensation},
     {COMMAND_AMPLITUDE, 4, set_amplitude},
-    {COMMAND_PLL_GAINS, 8, set_pll_gains},
-    {COMMAND_AGC_GAINS, 8, set_agc_gains},
-    {COMMAND_OUTPUT_FILTER, 4, set_output_filter},
     {COMMAND_DIVISORS, 4, set_divisors},
     {COMMAND_RAW_BURST, 4, raw_burst},
     {COMMAND_RESTART, 0, restart},
     {COMMAND_LOOP, 4, set_loop},
     {COMMAND_REBALANCE, 16, set_rebalance},
-    {COMMAND_TEST_SIGNAL, 12, set_test_signal},
-    {COMMAND_PHASE_SET_POINT, 4, set_phase_set_point},
     {COMMAND_PHASE_CALIBRATION, 20, calibrate_phases},
     {COMMAND_CALIBRATION_UNLOCK, 4, calibration_unlock},
     {COMMAND_CALIBRATION_WRITE, ANY_LENGTH, calibration_write},
@@ -435,8 +416,12 @@ static const struct command commands[] = {
 static enum reason run(struct application *app, const struct frame_view *frame)
 {
     struct byte_reader payload = {frame->payload, frame->payload_bytes, false};
+    size_t word_count = words_of(frame->header.type);
     if (frame->header.version != FRAME_VERSION) {
         return REASON_FRAME_VERSION;
+    }
+    if (word_count > 0) {
+        return payload.left == word_count * sizeof(uint32_t) ? set_words(app, frame->header.type, &payload) : REASON_LENGTH;
     }
     for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
         if (commands[i].type == frame->header.type) {
