@@ -43,6 +43,9 @@ _BLAME = (
 )
 """in the order of the signal's way: the first that differs at an instant is the module"""
 
+Stored = dict[tuple[str, str], np.ndarray]
+"""codes that were read already, by tap and channel"""
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -90,6 +93,7 @@ def check(recording: Recording) -> Replay:
     block, notes = block_of(recording)
     checked, differences, samples, intervals = [], [], 0, 0
     deviations: dict[str, Deviation] = {}
+    stored: Stored = {}
     for number, burst in enumerate(recording.bursts):
         try:
             again = replayed.run(burst, block)
@@ -98,7 +102,7 @@ def check(recording: Recording) -> Replay:
             continue
         checked.append(number)
         samples += len(burst)
-        compared = _Comparison(recording, number, burst, again)
+        compared = _Comparison(recording, number, burst, again, stored)
         intervals += compared.intervals
         differences += compared.first()
         if block:
@@ -127,7 +131,7 @@ def block_of(recording: Recording) -> tuple[bytes, list[str]]:
 class _Comparison:
     """A burst beside its replay."""
 
-    def __init__(self, recording: Recording, number: int, burst: Tap, again: Replayed):
+    def __init__(self, recording: Recording, number: int, burst: Tap, again: Replayed, stored: Stored):
         self._number, self._burst, self._again = number, burst, again
         self._slot0 = _slot_origin(again)
         self.intervals = 0
@@ -136,7 +140,7 @@ class _Comparison:
         records = {"baseband": again.frames.baseband, "output": again.frames.output}
         for tap in records:
             if tap in recording:
-                self._telemetry(recording.tap(tap), records[tap], table[tap])
+                self._telemetry(recording.tap(tap), records[tap], table[tap], stored)
 
     def first(self) -> list[Difference]:
         """The earliest difference; of those at one instant the one that comes first on the signal's way."""
@@ -167,7 +171,7 @@ class _Comparison:
         loop = "drive loop" if column == 0 else "rebalance"
         return f"DAC shaper of the {name}" if alone else f"{loop} or what feeds it"
 
-    def _telemetry(self, tap: Tap, records: np.ndarray, table: dict[str, Conversion]) -> None:
+    def _telemetry(self, tap: Tap, records: np.ndarray, table: dict[str, Conversion], stored: Stored) -> None:
         """Means over the intervals that lie inside the burst."""
         period = self._again.identity.slow_period_samples
         ticks = round(tap.counter_rate_hz / tap.sample_rate_hz / period)
@@ -184,7 +188,7 @@ class _Comparison:
             if name not in tap or name not in table or len(rows) == 0:
                 continue
             expected = np.array([_mean(records[at - ticks + 1:at + 1], table[name], name) for at in last], dtype=object)
-            wrong = np.flatnonzero(_differ(tap, name, rows, expected, table[name]))
+            wrong = np.flatnonzero(_differ(tap, name, rows, expected, table[name], stored))
             if len(wrong):
                 at = int(wrong[0])
                 what = f"{name} of the interval is {tap[name][rows[at]]:.9g}, replayed {_value(expected[at], table[name]):.9g}"
@@ -212,9 +216,11 @@ def _value(code: int, conversion: Conversion) -> float:
     return code * conversion.scale + conversion.offset
 
 
-def _differ(tap: Tap, name: str, rows: np.ndarray, expected: np.ndarray, conversion: Conversion) -> np.ndarray:
+def _differ(tap: Tap, name: str, rows: np.ndarray, expected: np.ndarray, conversion: Conversion, cache: Stored) -> np.ndarray:
     """Bit for bit where the recording holds the device's integers, else to the rounding of what it holds; (n,) bool."""
-    stored = tap.codes(name)
+    if (tap.name, name) not in cache:
+        cache[tap.name, name] = tap.codes(name)
+    stored = cache[tap.name, name]
     if stored.dtype.kind in "iu":
         return np.array([int(stored[row]) != code for row, code in zip(rows, expected, strict=True)])
     values = np.array([_value(code, conversion) for code in expected])

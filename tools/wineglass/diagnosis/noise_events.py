@@ -1,0 +1,116 @@
+"""Single events: instants at which the drive loop had to catch up with a jump of the shell's phase.
+
+A sample that is lost advances the shell by f/fs of a turn against the oscillator, one that is doubled takes it back; the phase loop turns the
+oscillator by as much within milliseconds, so the frequency's excursion, integrated, is k f/fs turns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from wineglass.recording.reader import Recording
+from wineglass.wire import Status
+
+THRESHOLD = 12.0
+"""sigmas of one sample of the frequency"""
+APART_S = 0.3
+TOLERANCE = 0.17
+"""relative, of the turns: the frequency is sampled once per slow tick while the phase loop answers within a few of them"""
+AFTER_START_S, AFTER_COMMAND_S = 1.5, 1.5
+LEAST_TURNS = 0.02
+"""a corner of the chamber's profile bends the frequency, too, but by less"""
+LARGEST_COUNT = 4
+"""more samples at once are told apart from nothing: turns are known modulo one"""
+
+
+@dataclass(frozen=True)
+class Event:
+    """turns: by which the oscillator had to turn; samples: how many were lost (below zero: doubled), 0 when no whole number fits"""
+
+    time_s: float
+    turns: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Events:
+    found: list[Event]
+    examined_s: float
+    counter_rate_hz: float
+
+    @property
+    def times_s(self) -> np.ndarray:
+        return np.array([event.time_s for event in self.found])
+
+    @property
+    def slips(self) -> list[Event]:
+        return [event for event in self.found if event.samples != 0]
+
+    @property
+    def log_evidence(self) -> dict[str, float]:
+        """dropped_samples, and events of another kind, each against none. An excursion of twelve sigmas is no noise."""
+        if not self.found:
+            return {"dropped_samples": -1.0, "other": -1.0}
+        own = sum(3.5 if event.samples else -8.0 for event in self.found)
+        return {"dropped_samples": 60.0 + 2.0 + own, "other": 60.0}
+
+
+def find(recording: Recording) -> Events | None:
+    """None: the recording has no drive frequency."""
+    if "baseband" not in recording or "drive_frequency" not in recording.tap("baseband"):
+        return None
+    tap = recording.tap("baseband")
+    frequency = tap["drive_frequency"]
+    sound = np.isfinite(frequency)
+    if np.count_nonzero(sound) < 64:
+        return None
+    filled = np.interp(tap.time_s, tap.time_s[sound], frequency[sound])
+    rest = filled - _around(filled)
+    usable = sound & ~_disturbed(recording, tap.time_s)
+    if np.count_nonzero(usable) < 64:
+        return None
+    sigma = 1.4826 * float(np.median(np.abs(rest[usable])))
+    large = np.flatnonzero(usable & (np.abs(rest) > THRESHOLD * sigma))
+    groups = np.split(large, np.flatnonzero(np.diff(large) > APART_S * tap.sample_rate_hz) + 1) if len(large) else []
+    per_sample = float(np.median(filled[usable])) / tap.counter_rate_hz
+    found = [_event(tap.time_s, rest, group, tap.sample_rate_hz, per_sample) for group in groups]
+    found = [event for event in found if abs(event.turns) >= LEAST_TURNS]
+    return Events(found, np.count_nonzero(usable) / tap.sample_rate_hz, tap.counter_rate_hz)
+
+
+def _around(values: np.ndarray, reach: int = 12, gap: int = 4) -> np.ndarray:
+    """Median before and median after, averaged: a straight line passes, a short excursion does not."""
+    middle = median_filter(values, size=2 * reach + 1, mode="nearest")
+    shift = reach + gap
+    before = np.concatenate([np.full(shift, middle[0]), middle[:-shift]])
+    after = np.concatenate([middle[shift:], np.full(shift, middle[-1])])
+    return 0.5 * (before + after)
+
+
+def _disturbed(recording: Recording, time_s: np.ndarray) -> np.ndarray:
+    """Start, commands, and whatever the device itself reports as a restart, (n,) bool."""
+    disturbed = time_s < _locked_since(recording) + AFTER_START_S
+    for event in recording.events:
+        if event.kind == "command":
+            at = event.sample / recording.counter_rate_hz
+            disturbed |= (time_s > at - 0.5) & (time_s < at + AFTER_COMMAND_S)
+    return disturbed
+
+
+def _locked_since(recording: Recording) -> float:
+    tap = recording.tap("baseband")
+    if "status" not in tap:
+        return float(tap.time_s[0]) + 2.0
+    locked = np.where(tap.lost, 0, np.nan_to_num(tap["status"])).astype(np.int64) & int(Status.LOCKED) != 0
+    return float(tap.time_s[int(np.argmax(locked))]) if locked.any() else math.inf
+
+
+def _event(time_s: np.ndarray, rest: np.ndarray, group: np.ndarray, rate_hz: float, per_sample: float) -> Event:
+    first, last = max(0, group[0] - 2), min(len(rest), group[-1] + 3)
+    turns = float(np.sum(rest[first:last])) / rate_hz
+    count = round(turns / per_sample)
+    fits = 1 <= abs(count) <= LARGEST_COUNT and abs(turns / per_sample - count) < TOLERANCE * abs(count)
+    return Event(float(time_s[group[0]]), turns, count if fits else 0)

@@ -1,0 +1,317 @@
+"""Everything that noise, lines, single events and raw codes say about effects, as one piece of evidence beside the slow channels' own.
+
+    evidence = examine(recording, device)
+    evidence.log_evidence[frozenset({"clock_jitter"})]       # against none
+
+Independent looks, added up: broadband spectra (noise_spectra.py), lines (noise_lines.py), jumps of phase (noise_events.py), steps of the thermometer
+(thermometer_codes.py), raw codes (raw_codes.py), and whether the output is what the firmware makes of its input (replay.py, output_check.py)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from wineglass import device as devices
+from wineglass.calibration_block import Calibration, from_binary
+from wineglass.device import Device
+from wineglass.diagnosis import noise_events, noise_lines, noise_spectra, noise_windows, output_check, raw_codes, replay, thermometer_codes
+from wineglass.diagnosis.noise_events import Events
+from wineglass.diagnosis.noise_floor import FloorModel
+from wineglass.diagnosis.noise_lines import Lines
+from wineglass.diagnosis.noise_spectra import SpectralEvidence
+from wineglass.diagnosis.output_check import OutputCheck
+from wineglass.diagnosis.raw_codes import RawEvidence
+from wineglass.diagnosis.replay import Replay
+from wineglass.diagnosis.thermometer_codes import Steps
+from wineglass.errors import BadInput
+from wineglass.recording.reader import Recording
+from wineglass.scenario import Run
+
+EFFECTS = ("excess_noise", "flicker_noise", "clock_jitter", "dropped_samples", "interference", "vibration", "thermometer_quantisation",
+           "adc_saturation", "adc_nonlinearity", "firmware_mismatch")
+OTHER = "other"
+LARGEST_SUPPORT = 2
+ENOUGH = 100.0
+"""nats: beyond this certainty is certainty, and sums stay comparable"""
+SURE = 6.0
+ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermometer_quantisation")
+"""effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
+OTHER_PENALTY = 4.0
+
+Parameter = tuple[str, float, tuple[float, float], str]
+
+
+@dataclass(frozen=True)
+class NoiseEvidence:
+    """log_evidence: of each set of up to two effects (and "other") against none, likelihood only; where: stage, channel, component, ratio over the floor,
+    region"""
+
+    log_evidence: dict[frozenset[str], float]
+    where: list[tuple[str, str, str, float, str]]
+    notes: list[str]
+    replay: Replay | None
+    output: OutputCheck | None
+    spectral: SpectralEvidence | None
+    lines: Lines | None
+    events: Events | None
+    steps: Steps | None
+    raw: RawEvidence | None
+    looks: dict[str, list[str]] = field(default_factory=dict)
+    """per effect: which looks could have seen it in this recording; an effect without any is not excluded by silence"""
+    _parameters: dict[str, list[Parameter]] = field(default_factory=dict)
+
+    def parameters(self, effect_id: str) -> list[Parameter]:
+        """name, value, 95 % interval, unit; in the catalogue's names"""
+        return self._parameters.get(effect_id, [])
+
+    @property
+    def named(self) -> list[str]:
+        """Effects of the best set, if it is better than none by three nats."""
+        best = max(self.log_evidence, key=lambda chosen: self.log_evidence[chosen] - 2.0 * len(chosen))
+        return sorted(best) if self.log_evidence[best] - 2.0 * len(best) > 3.0 else []
+
+
+def examine(recording: Recording, device: Device | Run | None = None, slow_model: Mapping[str, np.ndarray] | None = None) -> NoiseEvidence:
+    """device: None takes the recording's own description. slow_model: slow content of baseband channels as another model predicts it, (n,) each."""
+    described, calibration, notes = _setting(recording, device)
+    again = replay.check(recording)
+    output = output_check.check(recording)
+    steps = thermometer_codes.find(recording, described) if described is not None else None
+    raw = raw_codes.examine(recording, described) if described is not None else None
+    events = noise_events.find(recording)
+    spectral, lines = _telemetry(recording, described, calibration, events, steps, dict(slow_model or {}), notes)
+    looks = _Looks(again, output, spectral, lines, events, steps, raw)
+    for part in (again.not_checked if again.ok is None else [], output.not_checked, spectral.notes if spectral else [], lines.notes if lines else [],
+                 raw.notes if raw else []):
+        notes += part
+    return NoiseEvidence(looks.log_evidence(), looks.where(), list(dict.fromkeys(notes)), again, output, spectral, lines, events, steps, raw, looks.seen(),
+                         looks.parameters())
+
+
+def _setting(recording: Recording, device: Device | Run | None) -> tuple[Device | None, Calibration | None, list[str]]:
+    notes: list[str] = []
+    described = device.device if isinstance(device, Run) else device
+    if described is None and recording.device_toml:
+        described = devices.loads(recording.device_toml)
+    if described is None:
+        notes.append("without a device description there is no noise floor to compare with")
+    block, wrong = replay.block_of(recording)
+    notes += wrong
+    try:
+        calibration = from_binary(block) if block else None
+    except BadInput as error:
+        calibration = None
+        notes.append(f"the recorded calibration cannot be read ({error.what})")
+    return described, calibration, notes
+
+
+def _telemetry(recording: Recording, device: Device | None, calibration: Calibration | None, events: Events | None, steps: Steps | None,
+               slow: dict[str, np.ndarray], notes: list[str]) -> tuple[SpectralEvidence | None, Lines | None]:
+    """Spectra and lines of the baseband."""
+    if device is None or calibration is None or "baseband" not in recording:
+        notes.append("no baseband, description or calibration: the spectra say nothing")
+        return None, None
+    tap = recording.tap("baseband")
+    skip = events.times_s if events is not None else np.empty(0)
+    try:
+        windows = noise_windows.quiet(recording, tap, calibration, skip_s=skip)
+        if steps is not None and steps.coarse:
+            windows = windows.only(_still(recording, windows, steps.step_degc))
+        model = FloorModel(device, calibration, tap.sample_rate_hz, windows.frequency_hz, calibration.loop)
+        lines = noise_lines.find(recording, windows, calibration, model)
+        return noise_spectra.examine(windows, device, calibration, slow, noise_lines.taken(lines, windows)), lines
+    except (ValueError, np.linalg.LinAlgError) as error:
+        notes.append(f"the spectra cannot be modelled ({error})")
+        return None, None
+
+
+def _still(recording: Recording, windows: noise_windows.Windows, step_degc: float) -> np.ndarray:
+    """Windows in which a coarse thermometer did not change its reading: its stairs are in whatever is compensated with it, (n,) bool."""
+    output = recording.tap("output")
+    half = 0.5 * windows.length / windows.tap.sample_rate_hz
+    found = []
+    for middle in windows.time_s:
+        inside = (output.time_s >= middle - half - 1.0) & (output.time_s <= middle + half)
+        values = output["temperature_measured"][inside]
+        found.append(len(values) > 0 and float(np.nanmax(values) - np.nanmin(values)) < 0.3 * step_degc)
+    return np.array(found, bool)
+
+
+@dataclass(frozen=True)
+class _Looks:
+    """All looks, put together."""
+
+    again: Replay
+    output: OutputCheck
+    spectral: SpectralEvidence | None
+    lines: Lines | None
+    events: Events | None
+    steps: Steps | None
+    raw: RawEvidence | None
+
+    def log_evidence(self) -> dict[frozenset[str], float]:
+        names = (*EFFECTS, OTHER)
+        return {frozenset(chosen): self._of(frozenset(chosen)) for size in range(LARGEST_SUPPORT + 1) for chosen in combinations(names, size)}
+
+    def _of(self, chosen: frozenset[str]) -> float:
+        if not chosen:
+            return 0.0
+        total = self._broadband(chosen) + self._line(chosen) + self._jumps(chosen)
+        for effect in chosen - {OTHER}:
+            total += self._alone(effect)
+        return total - (OTHER_PENALTY if OTHER in chosen else 0.0)
+
+    def _broadband(self, chosen: frozenset[str]) -> float:
+        if self.spectral is None or not self.spectral.log_evidence:
+            return 0.0
+        found = self.spectral.log_evidence[chosen & frozenset(noise_spectra.EFFECTS)]
+        if self._raises_anything(chosen):
+            found = max(found, *self.spectral.log_evidence.values()) - 1.0
+        return _bounded(max(found, -20.0))
+
+    def _raises_anything(self, chosen: frozenset[str]) -> bool:
+        """One of ANYTHING is chosen, and its own mark is there."""
+        jumps = self._jumps(chosen & {"dropped_samples"})
+        return jumps > SURE or any(self._alone(effect) > SURE for effect in chosen & set(ANYTHING))
+
+    def _line(self, chosen: frozenset[str]) -> float:
+        if self._raises_anything(chosen):
+            return max(0.0, *(self._line_score(kind) for kind in ("vibration", "interference", OTHER)))
+        scores = [self._line_score(kind) for kind in ("vibration", "interference", OTHER) if kind in chosen]
+        if len(scores) == 2:
+            return max(scores) + min(0.0, min(scores))  # both would explain the same line: the second earns nothing by it
+        return scores[0] if scores else 0.0
+
+    def _line_score(self, kind: str) -> float:
+        score = self.lines.log_evidence.get(kind, 0.0) if self.lines is not None else 0.0
+        if kind == "interference" and self.raw is not None:
+            score = max(score, self.raw.log_evidence.get(kind, -5.0))
+        return _bounded(max(score, 0.0) if kind == OTHER else max(score, -5.0))
+
+    def _jumps(self, chosen: frozenset[str]) -> float:
+        if self.events is None:
+            return 0.0
+        found = self.events.log_evidence
+        scores = [found[kind] for kind in ("dropped_samples", OTHER) if kind in chosen]
+        return _bounded(max(scores)) if scores else 0.0
+
+    def _alone(self, effect: str) -> float:
+        """Looks at which only this effect counts."""
+        total = 0.0
+        if effect == "firmware_mismatch":
+            total += self._firmware()
+        if effect == "thermometer_quantisation" and self.steps is not None:
+            total += self.steps.log_evidence
+        if effect in ("adc_saturation", "adc_nonlinearity", "excess_noise", "clock_jitter") and self.raw is not None:
+            total += self.raw.log_evidence.get(effect, 0.0)
+        return _bounded(total)
+
+    def _firmware(self) -> float:
+        if self.again.ok is False:
+            return 500.0
+        return self.output.log_evidence - (4.0 if self.again.ok else 0.0)
+
+    # ---- parameters, places, and what could have been seen ------------------------------------------------------------------------
+
+    def parameters(self) -> dict[str, list[Parameter]]:
+        found: dict[str, list[Parameter]] = {}
+        if self.spectral is not None:
+            for effect, estimates in self.spectral.estimates.items():
+                found[effect] = [(_CATALOGUE.get(e.name, e.name), e.value, (e.low, e.high), e.unit) for e in estimates]
+        if self.lines is not None:
+            for kind, line in self.lines.best.items():
+                if kind != OTHER:
+                    found[kind] = _line_parameters(line)
+        if self.raw is not None:
+            for effect, values in self.raw.values.items():
+                self._from_raw(found, effect, values)
+        if self.events is not None and self.events.slips:
+            found["dropped_samples"] = _slip_parameters(self.events)
+        if self.steps is not None and self.steps.coarse:
+            step = self.steps.step_degc
+            found["thermometer_quantisation"] = [("step_degc", step, (0.995 * step, 1.005 * step), "degC")]
+        if self.output.deviations:
+            found["firmware_mismatch"] = [(d.name, d.error, (d.error - 2.0 * d.sigma, d.error + 2.0 * d.sigma), "1" if d.name != "offset" else "rad/s")
+                                          for d in self.output.deviations]
+        return found
+
+    def _from_raw(self, found: dict[str, list[Parameter]], effect: str, values: list[tuple[str, float, float, str]]) -> None:
+        """Raw codes are the sharper look, except at tones near the carrier, which they do not resolve."""
+        seen_better = effect == "interference" and self.lines is not None and (
+            self.lines.log_evidence.get(effect, 0.0) >= self.raw.log_evidence[effect] if self.raw is not None else True)
+        if not seen_better:
+            found[effect] = [(name, value, (value - 1.96 * sigma, value + 1.96 * sigma), unit) for name, value, sigma, unit in values]
+
+    def where(self) -> list[tuple[str, str, str, float, str]]:
+        found: list[tuple[str, str, str, float, str]] = []
+        if self.again.ok is False or self.output.log_evidence > 3.0:
+            found.append(("firmware", "rate", "in_phase", float("inf"), "everywhere"))
+        if self.spectral is not None:
+            for channel in sorted({band.channel for band in self.spectral.bands}):
+                bands = [band for band in self.spectral.bands if band.channel == channel]
+                worst = max(bands, key=lambda band: (band.ratio - 1.0) * np.sqrt(band.shape))
+                if (worst.ratio - 1.0) * np.sqrt(worst.shape) > 5.0:
+                    found.append(("pickoff", channel, "noise", worst.ratio, f"{worst.low_hz:.2g} to {worst.high_hz:.2g} Hz"))
+        if self.lines is not None:
+            found += [(_STAGE[kind], "secondary", "noise", line.ratio, f"line at {line.frequency_hz:.6g} Hz") for kind, line in self.lines.best.items()
+                      if line.log_evidence > 6.0 and line.log_evidence == max(self.lines.log_evidence.values())]
+        if self.events is not None and self.events.found:
+            found.append(("clock", "drive_frequency", "noise", float(len(self.events.found)), "single jumps of phase"))
+        if self.steps is not None and self.steps.coarse:
+            found.append(("temperature", "temperature_measured", "temperature", self.steps.step_degc / self.steps.own_degc, "steps"))
+        if self.raw is not None:
+            found += [("pickoff", "primary_adc_raw", "level", score, "raw codes") for effect, score in self.raw.log_evidence.items()
+                      if effect.startswith("adc_") and score > 6.0]
+        return found
+
+    def seen(self) -> dict[str, list[str]]:
+        """Which looks there were for each effect."""
+        spectra = ["spectra"] if self.spectral is not None and self.spectral.log_evidence else []
+        lines = ["lines"] if self.lines is not None and self.lines.best else []
+        raw = ["raw codes"] if self.raw is not None and self.raw.bursts else []
+        firmware = (["replay"] if self.again.ok is not None else []) + (["output against baseband"] if self.output.deviations else [])
+        return {"excess_noise": spectra + raw, "clock_jitter": spectra + raw, "flicker_noise": spectra, "interference": lines + raw, "vibration": lines,
+                "dropped_samples": ["phase jumps"] if self.events is not None else [], "thermometer_quantisation": ["readings"] if self.steps else [],
+                "adc_saturation": raw, "adc_nonlinearity": raw, "firmware_mismatch": firmware}
+
+
+_CATALOGUE = {"slow_jitter_s": "jitter_s", "octaves_rad_s": "bias_rad_s"}
+_STAGE = {"vibration": "environment", "interference": "environment", OTHER: "secondary"}
+
+
+def _line_parameters(line: noise_lines.Line) -> list[Parameter]:
+    name, unit = ("rate_rad_s", "rad/s") if line.kind == "vibration" else ("amplitude_fs", "FS")
+    size = (line.amplitude - 1.96 * line.amplitude_sigma, line.amplitude + 1.96 * line.amplitude_sigma)
+    place = (line.frequency_hz - 1.96 * line.frequency_sigma_hz, line.frequency_hz + 1.96 * line.frequency_sigma_hz)
+    return [(name, line.amplitude, size, unit), ("frequency_hz", line.frequency_hz, place, "Hz")]
+
+
+def _slip_parameters(events: Events) -> list[Parameter]:
+    """Mean distance, from the gaps if there are some, else from how many there were in all."""
+    times, rate = np.array([event.time_s for event in events.slips]), events.counter_rate_hz
+    doubled = float(np.mean([event.samples < 0 for event in events.slips]) > 0.5)
+    between, spread = _distance_s(times, events.examined_s)
+    distance = ("distance_samples", between * rate, ((between - spread) * rate, (between + spread) * rate), "sample")
+    return [distance, ("doubled", doubled, (doubled, doubled), "1")]
+
+
+def _distance_s(times: np.ndarray, examined_s: float) -> tuple[float, float]:
+    """Distance between events and half its 95 % interval: of a regular course with gaps, else of chance."""
+    if len(times) >= 3:
+        usual = float(np.median(np.diff(times)))
+        number = np.concatenate([[0.0], np.cumsum(np.round(np.diff(times) / usual))])
+        slope, _ = np.polyfit(number, times, 1)
+        rest = times - np.polyval(np.polyfit(number, times, 1), number)
+        if np.std(rest) < 0.05 * usual:
+            sigma = np.hypot(np.std(rest), 0.01) / np.sqrt(np.sum((number - number.mean()) ** 2))
+            return float(slope), 2.0 * float(sigma)
+    usual = examined_s / len(times)
+    return usual, min(0.9, 2.0 / np.sqrt(len(times))) * usual
+
+
+def _bounded(nats: float) -> float:
+    """Evidence of forms that are known to be inexact: linear as long as it decides, then slower and slower, in the same order."""
+    return float(nats if abs(nats) < ENOUGH else np.sign(nats) * ENOUGH * (1.0 + 0.5 * np.log(abs(nats) / ENOUGH)))

@@ -1,0 +1,288 @@
+"""Broadband noise: which of excess_noise, clock_jitter and flicker_noise, or something else, raises the spectra above the floor, and by how much.
+
+    density(channel, f) = floor(channel, f) + sum over effects of strength^2 shape(effect, channel, f)
+
+Patterns: a noisy pickoff is white in both quadratures of its axis; jitter of the clock moves the phase, so it is in the primary's quadrature in proportion to
+the amplitude, and (white jitter) a third of it in phase; flicker is a rate, so it is in the secondary axis' in-phase channel alone, and low. Likelihood
+of band powers (Whittle); strengths and the floor's tolerance are integrated over grids, so that evidences can be compared."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wineglass.calibration_block import Calibration
+from wineglass.device import Device
+from wineglass.diagnosis import noise_windows
+from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, SECONDARY, FloorModel, Pickoff, flicker, relaxations
+from wineglass.diagnosis.noise_windows import Windows
+from wineglass.recording.reader import Tap
+
+EDGES = np.array([2.5, 4.5, 6.5, 9.5, 13.5, 18.5, 25.5, 35.5, 48.5, 64.5, 84.5, 106.5, 125.5])
+"""of bands, in bins of 256-sample windows"""
+SHAPE_PER_BIN = 0.8
+"""gamma shape of one bin's power, tapers' overlap included; held against white noise by a test"""
+MODEL_ERROR, MODEL_ERROR_AT_1_HZ = 0.05, 0.12
+"""relative, of a band: what the closed forms may be off, beyond the stated tolerance, and what slow content may have left, falling with f"""
+LEAST_SENSITIVITY = 0.08
+"""where a loop leaves less of the noise's power, slow content counts for more than noise"""
+LINE_RATIO = 4.0
+NODES, FINE_NODES = 24, 400
+"""of a strength: for evidence, and for its interval"""
+_FLOOR_NODES = np.array([-2.0, -1.2, -0.6, 0.0, 0.6, 1.2, 2.0])
+EFFECTS = ("excess_noise", "clock_jitter", "flicker_noise", "other")
+
+
+@dataclass(frozen=True)
+class Band:
+    """Mean power of a channel in a band. shape: gamma shape of that mean; floor_noise, floor_steps: what the converter's noise and steps make of it;
+    answers: density per unit strength squared of each source"""
+
+    channel: str
+    low_hz: float
+    high_hz: float
+    amplitude_fs: float
+    power: float
+    shape: float
+    floor_noise: float
+    floor_steps: float
+    answers: dict[str, float]
+
+    @property
+    def ratio(self) -> float:
+        return self.power / (self.floor_noise + self.floor_steps)
+
+
+@dataclass(frozen=True)
+class Source:
+    """One way of adding noise. low, high: of its strength, where log-uniform is all that is known of it"""
+
+    effect: str
+    name: str
+    unit: str
+    low: float
+    high: float
+
+    def nodes(self, count: int) -> np.ndarray:
+        return np.geomspace(self.low, self.high, count)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    name: str
+    unit: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class SpectralEvidence:
+    """log_evidence: of each set of EFFECTS, relative to none; estimates: per effect, of the explanation by that effect alone"""
+
+    log_evidence: dict[frozenset[str], float]
+    estimates: dict[str, list[Estimate]]
+    bands: list[Band]
+    windows: int
+    notes: list[str] = field(default_factory=list)
+
+
+# ---- bands -----------------------------------------------------------------------------------------------------------------------
+
+
+def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: dict[str, np.ndarray], lines: np.ndarray) -> list[Band]:
+    """All usable bands. slow: what another model predicts of channels' slow content, by name, at the baseband's samples; lines: bins of each window
+    that a line stands on, (n, m) bool."""
+    tap = windows.tap
+    found: list[Band] = []
+    loop = calibration.loop
+    axis = FORCES if loop == "rebalance" else SECONDARY
+    amplitudes = np.where(np.isfinite(windows.amplitude_fs), windows.amplitude_fs, calibration.amplitude_set_point_fs)
+    model = FloorModel(device, calibration, tap.sample_rate_hz, windows.frequency_hz, loop)
+    for amplitude in np.unique(np.round(amplitudes, 3)):
+        chosen = np.abs(amplitudes - amplitude) < 6e-4
+        group = windows.only(chosen)
+        if len(group) < noise_windows.LEAST_WINDOWS:
+            continue
+        for channel in (*PRIMARY, *axis):
+            if channel in tap:
+                values = _filled(tap, channel) - slow.get(channel, 0.0)
+                taken = lines[chosen] if channel in axis else np.zeros_like(lines[chosen])
+                found += _bands(group, channel, values, float(amplitude), model, taken)
+    return found
+
+
+def _filled(tap: Tap, channel: str) -> np.ndarray:
+    values = tap[channel]
+    sound = np.isfinite(values)
+    return values if sound.all() else np.interp(tap.time_s, tap.time_s[sound], values[sound])
+
+
+def _bands(group: Windows, channel: str, values: np.ndarray, amplitude: float, model: FloorModel, lines: np.ndarray) -> list[Band]:
+    densities, pickoff = np.where(lines, np.nan, group.densities(values)), Pickoff.of(model.device)
+    white = model.of_white(channel)
+    answers = {name: group.leaked(answer) for name, answer in _answers(channel, amplitude, model, white).items()}
+    white = group.leaked(white)
+    keep = _without_lines(densities, white) & (white > LEAST_SENSITIVITY * white.max() * (channel in PRIMARY))
+    bins = np.arange(1, len(white) + 1)
+    found = []
+    for low, high in zip(EDGES[:-1] * group.length / 256, EDGES[1:] * group.length / 256):
+        chosen = (bins > low) & (bins < high) & keep
+        if np.count_nonzero(chosen) < 2 or np.any(lines[:, chosen].mean(axis=0) > 0.5):
+            continue
+        shape = SHAPE_PER_BIN * np.count_nonzero(chosen)
+        relative = densities[:, chosen] / white[chosen]  # white within the band, so that no bin dominates
+        whole = relative[~np.any(np.isnan(relative), axis=1)]
+        if len(whole) < noise_windows.LEAST_WINDOWS:
+            continue
+        power = float(noise_windows.trimmed(whole.mean(axis=1)[:, None], shape)[0])
+        f = group.frequency_hz[chosen]
+        total = 1.0 / (1.0 / (0.8 * shape * len(whole)) + MODEL_ERROR**2 + (MODEL_ERROR_AT_1_HZ / float(f.mean())) ** 2)
+        inside = {name: float(np.mean(answer[chosen] / white[chosen])) for name, answer in answers.items()}
+        found.append(Band(channel, float(f[0]), float(f[-1]), amplitude, power, total, pickoff.noise, pickoff.steps, inside))
+    return found
+
+
+def _answers(channel: str, amplitude: float, model: FloorModel, white: np.ndarray) -> dict[str, np.ndarray]:
+    """Densities per unit strength squared."""
+    if channel in PRIMARY:
+        speed = (2.0 * math.pi * model.device.resonator.frequency_hz * amplitude) ** 2
+        phase = channel == PRIMARY[1]
+        return {"primary_fs": white, "jitter_s": speed * (0.75 if phase else 0.25) * white, "slow_jitter_s": speed * (0.75 if phase else 0.0) * white,
+                f"other_{channel}": white, f"other_slow_{channel}": white * (1.0 / model.frequency_hz) ** 2}
+    scale = (amplitude / model.calibration.amplitude_set_point_fs) ** 2
+    return {"secondary_fs": white, f"other_{channel}": white, f"other_slow_{channel}": white * (1.0 / model.frequency_hz) ** 2,
+            "bias_rad_s": scale * model.of_rate(channel, relaxations), "octaves_rad_s": scale * model.of_rate(channel, flicker)}
+
+
+def _without_lines(densities: np.ndarray, white: np.ndarray) -> np.ndarray:
+    """Bins that no line stands on, (m,) bool."""
+    whole = np.where(np.all(np.isnan(densities), axis=0), white, densities)
+    level = np.nanmedian(whole / white, axis=0)
+    around = np.array([np.median(level[max(0, i - 8):i + 9]) for i in range(len(level))])
+    line = level > LINE_RATIO * around
+    return ~np.convolve(line, np.ones(5), "same").astype(bool)
+
+
+# ---- evidence --------------------------------------------------------------------------------------------------------------------
+
+
+def sources(device: Device) -> dict[str, Source]:
+    """What may add noise, with the range of strengths that is thought possible, from the floor's tenth upwards."""
+    floor = math.sqrt(Pickoff.of(device).whole)
+    speed = 2.0 * math.pi * device.resonator.frequency_hz * device.firmware.amplitude_fs
+    bias = device.noise_floor.rate_bias_instability_rad_s
+    return {item.name: item for item in (
+        Source("excess_noise", "primary_fs", "FS rms", 0.3 * floor, 300.0 * floor), Source("excess_noise", "secondary_fs", "FS rms", 0.3 * floor, 300.0 * floor),
+        Source("clock_jitter", "jitter_s", "s rms", 0.2 * floor / speed, 300.0 * floor / speed),
+        Source("clock_jitter", "slow_jitter_s", "s rms", 0.2 * floor / speed, 300.0 * floor / speed),
+        Source("flicker_noise", "bias_rad_s", "rad/s rms", max(1e-8, bias), 1e-3), Source("flicker_noise", "octaves_rad_s", "rad/s rms", max(1e-8, bias), 1e-3))}
+
+
+def examine(windows: Windows, device: Device, calibration: Calibration, slow: dict[str, np.ndarray], lines: np.ndarray) -> SpectralEvidence:
+    """The whole question, answered per axis and put together."""
+    bands = bands_of(windows, device, calibration, slow, lines)
+    if not bands:
+        return SpectralEvidence({}, {}, [], len(windows), ["no stretch of the baseband is quiet for long enough to look at its noise"])
+    axes = [_Axis([band for band in bands if (band.channel in PRIMARY) == primary], device) for primary in (True, False)]
+    axes = [axis for axis in axes if axis.bands]
+    scores = {chosen: _joined(axes, chosen) for size in range(3) for chosen in _sets(size)}
+    none = scores[frozenset()]
+    estimates: dict[str, list[Estimate]] = {}
+    for axis in axes:
+        for effect in EFFECTS[:-1]:
+            estimates.setdefault(effect, []).extend(axis.estimates(effect))
+    return SpectralEvidence({chosen: score - none for chosen, score in scores.items()}, estimates, bands, len(windows))
+
+
+def _sets(size: int) -> list[frozenset[str]]:
+    return list({frozenset(chosen) for chosen in product(EFFECTS, repeat=size) if len(set(chosen)) == size}) if size else [frozenset()]
+
+
+def _joined(axes: list[_Axis], chosen: frozenset[str]) -> float:
+    """Log evidence of both axes: an effect that can act on either acts on one of them or on both, each a third."""
+    whole, parts = [axis.log_evidence(chosen) for axis in axes], [axis.log_evidence(frozenset()) for axis in axes]
+    shared = chosen & {"excess_noise", "other"}
+    if len(axes) < 2 or not shared:
+        return float(sum(whole))
+    first = [axes[0].log_evidence(chosen - shared) if shared else parts[0], axes[1].log_evidence(chosen - shared)]
+    return float(logsumexp([whole[0] + whole[1], whole[0] + first[1], first[0] + whole[1]]) - math.log(3.0))
+
+
+class _Axis:
+    """Bands of one pickoff and what may raise them."""
+
+    def __init__(self, bands: list[Band], device: Device):
+        self.bands = bands
+        self._power = np.array([band.power for band in bands])
+        self._shape = np.array([band.shape for band in bands])
+        self._noise = np.array([band.floor_noise for band in bands])
+        self._steps = np.array([band.floor_steps for band in bands])
+        self._sources = sources(device)
+        self._tolerance = _tolerance(device)
+        self._cache: dict[frozenset[str], float] = {}
+
+    def log_evidence(self, effects: frozenset[str]) -> float:
+        effects = frozenset(effect for effect in effects if self._variants(effect))
+        if effects not in self._cache:
+            variants = [self._variants(effect) for effect in sorted(effects)]
+            scores = [self._integrated([name for part in combination for name in part]) for combination in product(*variants)]
+            self._cache[effects] = float(logsumexp(scores) - math.log(len(scores)))
+        return self._cache[effects]
+
+    def _variants(self, effect: str) -> list[list[str]]:
+        """Ways in which an effect may act here, each a list of sources."""
+        answers = {name for band in self.bands for name in band.answers}
+        if effect == "other":
+            channels = sorted({band.channel for band in self.bands})
+            kinds = [[f"other_{c}"] for c in channels] + [[f"other_slow_{c}"] for c in channels]
+            return kinds + ([[f"other_{c}" for c in channels], [f"other_slow_{c}" for c in channels]] if len(channels) == 2 else [])
+        return [[name] for name, source in self._sources.items() if source.effect == effect and name in answers]
+
+    def _nodes(self, name: str, count: int = NODES) -> np.ndarray:
+        """Strengths squared."""
+        if name in self._sources:
+            return np.asarray(self._sources[name].nodes(count) ** 2)
+        floor = float(np.mean(self._noise + self._steps))
+        return floor * np.geomspace(0.1, 1e5, NODES)
+
+    def _answer(self, name: str) -> np.ndarray:
+        return np.array([band.answers.get(name, 0.0) for band in self.bands])
+
+    def _integrated(self, names: list[str]) -> float:
+        """Log evidence with these sources' strengths and the floor's tolerance integrated."""
+        return float(logsumexp(self._log_joint(names)) - sum(math.log(len(self._nodes(name))) for name in names))
+
+    def _log_joint(self, names: list[str], count: int = NODES) -> np.ndarray:
+        """Log likelihood plus the floor's log weight, (floor nodes, nodes of the first source, of the second, ...)."""
+        floor_weight = -0.5 * _FLOOR_NODES**2
+        floor_weight -= logsumexp(floor_weight)
+        model = self._noise * np.exp(self._tolerance * _FLOOR_NODES)[:, None] + self._steps
+        for name in names:
+            model = model[..., None, :] + self._nodes(name, count)[:, None] * self._answer(name)
+        log_likelihood = -np.sum(self._shape * (np.log(model) + self._power / model - np.log(self._power) - 1.0), axis=-1)
+        return np.asarray(log_likelihood + floor_weight.reshape(-1, *[1] * len(names)))
+
+    def estimates(self, effect: str) -> list[Estimate]:
+        """Of the best variant of an effect alone, on this axis."""
+        variants = self._variants(effect)
+        if not variants or effect == "other":
+            return []
+        name = max((variant[0] for variant in variants), key=lambda item: self._integrated([item]))
+        joint = self._log_joint([name], FINE_NODES)
+        weight = np.exp(joint - joint.max()).sum(axis=0)
+        cumulative = np.cumsum(weight) / weight.sum()
+        nodes = self._sources[name].nodes(FINE_NODES)
+        low, middle, high = (float(np.interp(level, cumulative, nodes)) for level in (0.025, 0.5, 0.975))
+        return [Estimate(name, self._sources[name].unit, middle, low, high)]
+
+
+def _tolerance(device: Device) -> float:
+    """Standard deviation of the log of the converter's noise power."""
+    stated = device.tolerance.get("electronics.adc.snr_db")
+    decibel = stated.absolute if stated is not None and isinstance(stated.absolute, float) else 0.2
+    return float(decibel) * math.log(10.0) / 10.0

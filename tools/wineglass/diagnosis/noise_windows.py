@@ -1,0 +1,171 @@
+"""Stretches of telemetry in which only noise should move, and their spectra.
+
+A window counts when the drive was locked, nothing was commanded and the table stood still, in it and for a while before. What moves slowly is taken
+out as a parabola; a quarter of the windows, those with the most power, is left out of each mean, so that what was missed does not count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammainc, gammaincinv
+
+from wineglass.calibration_block import Calibration
+from wineglass.recording.reader import Recording, Tap
+from wineglass.wire import Status
+
+LENGTH = 256
+TAPERS = 2
+KEPT = 0.75
+SETTLING_DECAYS, SETTLING_LONGEST_S = 10.0, 8.0
+LEAST_WINDOWS = 4
+_BAD = int(Status.TEST_ACTIVE | Status.OVERFLOW | Status.REBALANCE_SATURATED | Status.ACQUIRING | Status.DRIVE_SATURATED)
+
+
+@dataclass(frozen=True)
+class Windows:
+    """first: sample numbers (n,) of the windows' starts in the tap; amplitude_fs: set-point in each, (n,), NaN where it was not recorded"""
+
+    tap: Tap
+    first: np.ndarray
+    amplitude_fs: np.ndarray
+    length: int
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    @property
+    def frequency_hz(self) -> np.ndarray:
+        """Bins (length // 2,), zero left out."""
+        return np.arange(1, self.length // 2 + 1) * self.tap.sample_rate_hz / self.length
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """Middles (n,)."""
+        return np.asarray(self.tap.time_s[self.first] + 0.5 * self.length / self.tap.sample_rate_hz)
+
+    def of(self, values: np.ndarray) -> np.ndarray:
+        """The windows of a channel, each less its parabola, (n, length); real or complex."""
+        cut = values[self.first[:, None] + np.arange(self.length)]
+        return cut - cut @ _parabolas(self.length)
+
+    def transforms(self, values: np.ndarray, turn: np.ndarray | None = None) -> np.ndarray:
+        """Tapered Fourier transforms (n, TAPERS, length), scaled so that |.|^2 is a two-sided density. turn: factor for every sample of the tap, applied
+        when the slow content is out."""
+        cut = self.of(values)
+        if turn is not None:
+            cut = cut * turn[self.first[:, None] + np.arange(self.length)]
+        tapered = cut[:, None, :] * _sine_tapers(self.length)
+        return np.asarray(np.fft.fft(tapered, axis=2) / np.sqrt(self.tap.sample_rate_hz))
+
+    def densities(self, values: np.ndarray) -> np.ndarray:
+        """One-sided density of each window, (n, length // 2), mean over the tapers."""
+        power = np.abs(self.transforms(values)[:, :, 1:self.length // 2 + 1]) ** 2
+        return 2.0 * power.mean(axis=1)
+
+    def leaked(self, density: np.ndarray) -> np.ndarray:
+        """What `densities` expects of a one-sided density (length // 2,) at the bins: the tapers spread steep spectra."""
+        fine, bins = 4 * self.length, self.frequency_hz
+        grid = np.arange(1, fine // 2 + 1) * self.tap.sample_rate_hz / fine
+        half = np.exp(np.interp(np.log(grid), np.log(bins), np.log(np.maximum(density, 1e-300))))
+        low = grid < bins[0]  # the interpolation stops there: go on with the slope of the first two bins
+        slope = np.log(max(density[1], 1e-300) / max(density[0], 1e-300)) / np.log(bins[1] / bins[0])
+        half[low] = density[0] * (grid[low] / bins[0]) ** max(slope, 0.0)
+        whole = np.concatenate([half[:1] if slope <= 0 else [0.0], half, half[-2::-1]])
+        kernel = np.mean(np.abs(np.fft.fft(_sine_tapers(self.length), fine, axis=1)) ** 2, axis=0) / fine
+        spread = np.fft.ifft(np.fft.fft(whole) * np.fft.fft(kernel)).real
+        return np.asarray(spread[4:fine // 2 + 1:4])
+
+    def only(self, chosen: np.ndarray) -> Windows:
+        return Windows(self.tap, self.first[chosen], self.amplitude_fs[chosen], self.length)
+
+
+def quiet(recording: Recording, tap: Tap, calibration: Calibration | None, length: int = LENGTH, skip_s: np.ndarray | None = None) -> Windows:
+    """Windows of a tap in which only noise should move. skip_s: instants of single events, which no window may hold, (k,)"""
+    usable = _usable(recording, tap, calibration)
+    for instant in np.empty(0) if skip_s is None else skip_s:
+        usable &= ~((tap.time_s > instant - 0.2) & (tap.time_s < instant + _settling_s(calibration)))
+    first, at = [], 0
+    blocked = np.concatenate([[0], np.cumsum(~usable)])
+    while at + length <= len(tap):
+        bad = blocked[at + length] - blocked[at]
+        if bad == 0:
+            first.append(at)
+            at += length
+        else:
+            at += int(np.flatnonzero(~usable[at:at + length])[-1]) + 1
+    starts = np.array(first, dtype=np.int64)
+    return Windows(tap, starts, _amplitudes(recording, tap, starts), length)
+
+
+def trimmed(power: np.ndarray, shape: float) -> np.ndarray:
+    """Mean (m,) over windows of powers (n, m) that are gamma distributed with that shape, from the lesser three quarters of them."""
+    count = len(power)
+    kept = max(1, round(KEPT * count))
+    part = kept / count
+    if part >= 1.0:
+        return np.asarray(power.mean(axis=0))
+    edge = gammaincinv(shape, part)
+    bias = gammainc(shape + 1.0, edge) / part
+    return np.asarray(np.sort(power, axis=0)[:kept].mean(axis=0) / bias)
+
+
+def _usable(recording: Recording, tap: Tap, calibration: Calibration | None) -> np.ndarray:
+    """Samples of the tap at which the device was well and left alone, (n,) bool."""
+    usable = tap.valid.copy()
+    settle_s = _settling_s(calibration)
+    if "baseband" in recording and "status" in recording.tap("baseband"):
+        base = recording.tap("baseband")
+        bits = np.where(base.lost, 0, np.nan_to_num(base["status"])).astype(np.int64)
+        wrong = (bits & int(Status.LOCKED) == 0) | (bits & _BAD != 0)
+        usable &= ~_after(tap.time_s, base.time_s[wrong], 1.0 / base.sample_rate_hz, settle_s)
+    moments = np.array([event.sample / recording.counter_rate_hz for event in recording.events if event.kind in ("command", "segment")])
+    usable &= ~_after(tap.time_s, moments, 1.0 / tap.sample_rate_hz, settle_s)
+    if "reference" in recording and "true_rate" in recording.tap("reference"):
+        reference = recording.tap("reference")
+        usable &= ~_after(tap.time_s, _moving_s(reference), 1.0 / reference.sample_rate_hz, settle_s)
+    return usable
+
+
+def _settling_s(calibration: Calibration | None) -> float:
+    decay = calibration.decay_rate_per_s[0] if calibration is not None else 1.0
+    return min(SETTLING_DECAYS / decay, SETTLING_LONGEST_S)
+
+
+def _after(time_s: np.ndarray, moments_s: np.ndarray, before_s: float, after_s: float) -> np.ndarray:
+    """Whether a time lies up to before_s before or after_s after one of the moments, (n,) bool."""
+    if len(moments_s) == 0:
+        return np.zeros(len(time_s), bool)
+    moments = np.sort(moments_s)
+    last = np.searchsorted(moments, time_s + before_s, side="right") - 1
+    return np.asarray((last >= 0) & (time_s - moments[np.maximum(last, 0)] <= after_s))
+
+
+def _moving_s(reference: Tap) -> np.ndarray:
+    """Instants at which the table moves: its rate leaves the noise that it has most of the time."""
+    rate = np.where(reference.lost, np.nan, reference["true_rate"])
+    steps = np.abs(np.diff(rate, prepend=rate[0]))
+    noise = np.nanmedian(steps)
+    largest = np.nanmax(np.abs(rate), initial=0.0)
+    return np.asarray(reference.time_s[np.nan_to_num(steps, nan=np.inf) > 8.0 * noise + 1e-6 * largest])
+
+
+def _amplitudes(recording: Recording, tap: Tap, starts: np.ndarray) -> np.ndarray:
+    if "baseband" not in recording or "amplitude_set_point" not in recording.tap("baseband") or len(starts) == 0:
+        return np.full(len(starts), np.nan)
+    base = recording.tap("baseband")
+    at = np.clip(np.searchsorted(base.time_s, tap.time_s[starts]), 0, len(base) - 1)
+    return np.asarray(base["amplitude_set_point"][at])
+
+
+def _parabolas(length: int) -> np.ndarray:
+    """Projection (length, length) onto parabolas."""
+    basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, length), 2)
+    orthonormal, _ = np.linalg.qr(basis)
+    return orthonormal @ orthonormal.T
+
+
+def _sine_tapers(length: int) -> np.ndarray:
+    """Riedel and Sidorenko's tapers of least bias, (TAPERS, length), each of unit energy."""
+    order = np.arange(1, TAPERS + 1)[:, None]
+    return np.sqrt(2.0 / (length + 1)) * np.sin(np.pi * order * np.arange(1, length + 1) / (length + 1))
