@@ -1,4 +1,4 @@
-"""`wineglass demo`: the paper's two experiments and a calibration, with the firmware in the loop."""
+"""`wineglass demo`: the paper's two experiments, a calibration, and the diagnosis of a fault under seal, with the firmware in the loop."""
 
 from __future__ import annotations
 
@@ -11,22 +11,28 @@ from wineglass.console import Console
 if TYPE_CHECKING:
     from wineglass.experiments import Figure2, Figure5
 
-HELP = "run the paper's two experiments, calibrate a thermal sweep, and with --chamber a real one; saves plots"
+AXES = ("gyro_a", "gyro_b")
+HELP = "run the paper's two experiments, calibrate a thermal sweep, diagnose a hidden fault, and with --chamber a real sweep; saves plots and reports"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path("out/demo"), metavar="FOLDER", help="where plots and files go")
     parser.add_argument("--chamber", type=Path, metavar="FILE.csv",
-                        help="climate-chamber sweep of a real gyro, compensated through the firmware's polynomial")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all noise")
+                        help="climate-chamber sweep of a real gyro, compensated through the firmware's polynomial, and both axes diagnosed")
+    parser.add_argument("--seed", type=int, metavar="N", help="of all noise and of the hidden fault (default: 1, and a new fault every time)")
 
 
 def run(args: argparse.Namespace, console: Console) -> int:
+    from wineglass import hidden
+
     args.output.mkdir(parents=True, exist_ok=True)
+    hidden_seed = hidden.new_seed() if args.seed is None else args.seed
+    args.seed = 1 if args.seed is None else args.seed
     result = {
         "figure_5": _figure_5(args, console),
         "figure_2": _figure_2(args, console),
         "calibration": _calibration(args, console),
+        "hidden": _hidden(args, hidden_seed, console),
     }
     if args.chamber is not None:
         result["chamber"] = _chamber(args, console)
@@ -80,7 +86,34 @@ def _calibration(args: argparse.Namespace, console: Console) -> dict[str, object
 def _chamber(args: argparse.Namespace, console: Console) -> dict[str, object]:
     path = args.output / "chamber.png"
     _command(["chamber", str(args.chamber), "--plot", str(path)], console)
-    return {"plot": path}
+    return {"plot": path, "reports": [_axis(axis, args, console) for axis in AXES]}
+
+
+def _axis(axis: str, args: argparse.Namespace, console: Console) -> Path:
+    """The table does not say its units: seconds, degC and rad/s, as `chamber` takes them."""
+    report = args.output / f"chamber-{axis}.html"
+    _command(["diagnose", str(args.chamber), "--column", f"rate={axis}", "--unit", f"{axis}=rad/s", "--unit", "t_s=s", "--unit", "temperature_degC=degC",
+              "--drop-rows", "0,1", "--report", str(report)], console)
+    return report
+
+
+def _hidden(args: argparse.Namespace, seed: int, console: Console) -> dict[str, object]:
+    """A fault is drawn and its label sealed; the recording is diagnosed by the public command; then the label is opened."""
+    from wineglass import atomic, hidden
+    from wineglass.diagnosis.contract import Diagnosis
+
+    case = hidden.draw(seed)
+    recording, result, report = (args.output / f"hidden.{ending}" for ending in ("h5", "json", "html"))
+    run = case.run()
+    with console.progress(f"protocol {case.protocol} on a device with a hidden fault", total=run.n_blocks) as bar:
+        hidden.record(case, recording, bar.advance)
+    console.print(f"{recording}: protocol {case.protocol} on {case.device}, {run.scenario.duration_s:g} s, with a fault drawn by seed {seed} (give it back with "
+                  f"--seed {seed})\nlabel sealed, SHA-256 {case.digest}\n")
+    _command(["diagnose", str(recording), "--json", str(result), "--report", str(report)], console)
+    judgement = hidden.judge(case, Diagnosis.model_validate_json(result.read_text(encoding="utf-8")))
+    atomic.write_text(args.output / "hidden-label.json", case.label + "\n")
+    console.print(f"the label: {judgement.truth}; {judgement.in_words}\n")
+    return {"seed": seed, "recording": recording, "diagnosis": result, "report": report, "judgement": judgement}
 
 
 def _command(words: list[str], console: Console) -> None:
