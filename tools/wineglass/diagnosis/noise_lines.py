@@ -19,7 +19,7 @@ from wineglass.diagnosis.noise_floor import FORCES, SECONDARY, FloorModel
 from wineglass.diagnosis.noise_windows import TAPERS, Windows
 from wineglass.recording.reader import Recording, Tap
 
-LEAST_BIN, FIRST_SOUND_BIN = 6, 3
+LEAST_BIN, FIRST_SOUND_BIN = 8, 3
 """counted from zero frequency: below, what moves slowly leaves no level to compare with; the parabola takes the first bins' power"""
 REACH_BINS = 10
 OCCAM = 3.0
@@ -103,7 +103,7 @@ def _score(power: np.ndarray, count: float, first: int = FIRST_SOUND_BIN - 1) ->
     around = np.empty(size)
     for at in range(size):
         left, right = power[max(first, at - REACH_BINS):max(first, at - 2)], power[at + 3:at + 3 + REACH_BINS]
-        around[at] = max((float(np.median(side)) for side in (left, right) if len(side) >= 2), default=np.inf)
+        around[at] = max((float(np.median(side)) for side in (left, right) if len(side) >= 3), default=np.inf)
     ratio = power / around
     over = np.maximum(ratio, 1.0)
     return ratio, count * (over - 1.0 - np.log(over))
