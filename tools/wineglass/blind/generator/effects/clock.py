@@ -9,7 +9,7 @@ from wineglass.blind.generator.world import Tone, Trouble, World
 
 PPM, NS = 1e-6, 1e-9
 FREQUENCY = ("drive_frequency",)
-NOISE = ("noise of primary_in_phase", "noise of rate")
+NOISE = ("noise of primary_quadrature", "noise of drive_frequency")
 SETTLED_S = 4.0
 
 
@@ -25,7 +25,7 @@ def clock_thermal(world: World, strength: float) -> None:
     world.set_clock(-PPM * strength * (world.electronics_degc - world.truth.resonator.reference_temperature_degc))
 
 
-@effect("clock_error", "ageing", stage="clock", unit="ppm a day", typical=50.0, channels=FREQUENCY)
+@effect("clock_error", "ageing", stage="clock", unit="ppm a day", typical=10.0, channels=FREQUENCY)
 def clock_ageing(world: World, strength: float) -> None:
     """the sampling clock drifts steadily"""
     world.set_clock(-PPM * strength * world.part)
@@ -37,14 +37,14 @@ def jitter(world: World, strength: float) -> None:
     world.extra["jitter"] = NS * abs(strength)
 
 
-@effect("clock_jitter", "bandlimited", stage="clock", unit="ns", typical=5.0, channels=NOISE)
+@effect("clock_jitter", "bandlimited", stage="clock", unit="ns", typical=1.0, channels=NOISE)
 def jitter_bandlimited(world: World, strength: float) -> None:
     """sampling instants wander slowly, correlated over some 50 samples"""
     world.extra["jitter"] = NS * abs(strength)
     world.jitter_memory = 0.98
 
 
-@effect("clock_jitter", "periodic", stage="clock", unit="ns", typical=5.0, channels=NOISE)
+@effect("clock_jitter", "periodic", stage="clock", unit="ns", typical=1.0, channels=NOISE)
 def jitter_periodic(world: World, strength: float) -> None:
     """sampling instants swing at 13 Hz, as a clock pulled by a supply"""
     world.tones.append(Tone("sample_time", NS * strength, 13.0))
@@ -58,13 +58,13 @@ def _instants(world: World, per_minute: float) -> np.ndarray:
     return np.sort((SETTLED_S + length_s * random.random(count)) * rate_hz).astype(np.int64)
 
 
-@effect("dropped_samples", "lost", stage="clock", unit="1/min", typical=10.0, channels=("primary_quadrature",))
+@effect("dropped_samples", "lost", stage="clock", unit="1/min", typical=5.0, channels=("primary_quadrature",))
 def samples_lost(world: World, strength: float) -> None:
     """single samples never arrive"""
     world.troubles += [Trouble(int(sample), "lost") for sample in _instants(world, strength)]
 
 
-@effect("dropped_samples", "doubled", stage="clock", unit="1/min", typical=10.0, channels=("primary_quadrature",))
+@effect("dropped_samples", "doubled", stage="clock", unit="1/min", typical=5.0, channels=("primary_quadrature",))
 def samples_doubled(world: World, strength: float) -> None:
     """single samples arrive twice"""
     world.troubles += [Trouble(int(sample), "doubled") for sample in _instants(world, strength)]

@@ -40,7 +40,7 @@ def cross_damping_sigmoid(world: World, strength: float) -> None:
     _bias(world, strength * 0.5 * (1.0 + np.tanh((world.shift - 5.0) / 15.0)))
 
 
-@effect("cross_stiffness", "constant", stage="coupling", unit="deg/s", typical=0.3, channels=("quadrature",))
+@effect("cross_stiffness", "constant", stage="coupling", unit="deg/s", typical=0.6, channels=("quadrature",))
 def cross_stiffness(world: World, strength: float) -> None:
     """quadrature, constant"""
     world.quadrature_rad_s = world.quadrature_rad_s + np.radians(strength)
@@ -82,20 +82,20 @@ def gain_saturating(world: World, strength: float) -> None:
     world.angular_gain = world.angular_gain * (1.0 + strength * np.abs(world.rate_rad_s))
 
 
-@effect("thermal_gradient", "derivative", stage="coupling", unit="deg/h per degC/s", typical=60.0)
+@effect("thermal_gradient", "derivative", stage="coupling", unit="deg/h per degC/s", typical=20.0)
 def gradient(world: World, strength: float) -> None:
     """bias follows the shell's dT/dt at once"""
     _bias(world, strength * laws.slope(world.shell_degc, world.block_s))
 
 
-@effect("thermal_gradient", "mount", stage="coupling", unit="deg/h per degC", typical=60.0)
+@effect("thermal_gradient", "mount", stage="coupling", unit="deg/h per degC", typical=20.0)
 def gradient_of_mount(world: World, strength: float) -> None:
     """bias follows the difference between the shell and an inner node a fifth of its time constant behind"""
     inner = laws.lag(world.shell_degc, world.block_s, 0.2 * world.truth.thermal.shell_time_constant_s)
     _bias(world, strength * (world.shell_degc - inner))
 
 
-@effect("thermal_gradient", "distributed", stage="coupling", unit="deg/h per degC", typical=60.0)
+@effect("thermal_gradient", "distributed", stage="coupling", unit="deg/h per degC", typical=20.0)
 def gradient_distributed(world: World, strength: float) -> None:
     """bias follows the difference along a slab that heat diffuses through"""
     inner = laws.diffusion(world.shell_degc, world.block_s, 0.2 * world.truth.thermal.shell_time_constant_s)
@@ -108,14 +108,14 @@ def _hysteresis(world: World, deg_h: np.ndarray) -> None:
     _bias(world, np.interp(np.arange(world.edges) * world.block_s, times, deg_h))
 
 
-@effect("thermal_hysteresis", "play", stage="coupling", unit="deg/h", typical=60.0)
+@effect("thermal_hysteresis", "play", stage="coupling", unit="deg/h", typical=20.0)
 def hysteresis_play(world: World, strength: float) -> None:
     """bias depends on how a play of +-8 degC stands against the temperature; strength: half the opening"""
     temperature = world.coarse(world.shell_degc)
     _hysteresis(world, strength * (laws.play(temperature, 8.0) - temperature) / 8.0)
 
 
-@effect("thermal_hysteresis", "prandtl_ishlinskii", stage="coupling", unit="deg/h", typical=60.0)
+@effect("thermal_hysteresis", "prandtl_ishlinskii", stage="coupling", unit="deg/h", typical=20.0)
 def hysteresis_prandtl(world: World, strength: float) -> None:
     """bias depends on six plays of 2 to 17 degC against the temperature; strength: half the opening"""
     temperature, widths = world.coarse(world.shell_degc), np.arange(2.0, 18.0, 3.0)

@@ -42,20 +42,20 @@ def shaken_near_carrier(world: World, strength: float) -> None:
     world.tones.append(Tone("force_2", size, world.truth.resonator.frequency_hz + 4.2, 0.4))
 
 
-@effect("interference", "near_carrier", stage="environment", unit="ppm of FS", typical=50.0, channels=("noise of rate", "noise of quadrature"))
+@effect("interference", "near_carrier", stage="environment", unit="ppm of FS", typical=20.0, channels=("noise of rate", "noise of quadrature"))
 def tone_near_carrier(world: World, strength: float) -> None:
     """an electrical tone 6.7 Hz above the carrier in the secondary channel"""
     world.tones.append(Tone("adc_2", 1e-6 * strength, world.truth.resonator.frequency_hz + 6.7, 1.1))
 
 
-@effect("interference", "alias", stage="environment", unit="ppm of FS", typical=50.0, channels=("noise of rate", "noise of quadrature"))
+@effect("interference", "alias", stage="environment", unit="ppm of FS", typical=10.0, channels=("noise of rate", "noise of quadrature"))
 def tone_alias(world: World, strength: float) -> None:
     """a tone in both channels whose alias lies 9.1 Hz below the carrier"""
     frequency = world.described.electronics.sample_rate_hz - world.truth.resonator.frequency_hz + 9.1
     world.tones.append(Tone("both_adc", 1e-6 * strength, frequency, 2.0))
 
 
-@effect("interference", "drifting", stage="environment", unit="ppm of FS", typical=50.0, channels=("noise of rate", "noise of quadrature"))
+@effect("interference", "drifting", stage="environment", unit="ppm of FS", typical=20.0, channels=("noise of rate", "noise of quadrature"))
 def tone_drifting(world: World, strength: float) -> None:
     """a tone of a free-running converter that drifts through the carrier's band with temperature"""
     frequency = world.truth.resonator.frequency_hz + 5.0 + 0.15 * world.shift
@@ -68,7 +68,7 @@ def earth(world: World, strength: float) -> None:
     world.rate_error_rad_s = world.rate_error_rad_s + DEG_H * strength
 
 
-@effect("rate_reference", "scale", stage="environment", unit="1", typical=0.03)
+@effect("rate_reference", "scale", stage="environment", unit="1", typical=0.03, channels=("true_rate", "rate"))
 def reference_scale(world: World, strength: float) -> None:
     """the true-rate channel reads too much by a part"""
     world.bench.rate_gain *= 1.0 + strength
@@ -83,7 +83,7 @@ def table_misalignment(world: World, strength: float) -> None:
     world.rate_error_rad_s = world.rate_error_rad_s + (math.cos(tilt) - 1.0) * world.table_rate_rad_s + earth_part
 
 
-@effect("rate_reference", "offset", stage="environment", unit="deg/h", typical=30.0)
+@effect("rate_reference", "offset", stage="environment", unit="deg/h", typical=30.0, channels=("true_rate", "rate"))
 def reference_offset(world: World, strength: float) -> None:
     """the true-rate channel has an offset"""
     world.bench.rate_offset_rad_s = world.bench.rate_offset_rad_s + DEG_H * strength

@@ -63,37 +63,37 @@ def _nonlinear(world: World, strength: float, power: int) -> tuple[float, float]
     return strength, strength
 
 
-@effect("amplitude_frequency", "duffing", stage="primary", unit="ppm/FS^2", typical=20.0, channels=FREQUENCY)
+@effect("amplitude_frequency", "duffing", stage="primary", unit="ppm/FS^2", typical=3.0, channels=FREQUENCY)
 def duffing(world: World, strength: float) -> None:
     """f changes with amplitude squared"""
     world.stiffening = _nonlinear(world, 2e-6 * strength, 2)
 
 
-@effect("amplitude_frequency", "drive_mode_only", stage="primary", unit="ppm/FS^2", typical=20.0, channels=FREQUENCY)
+@effect("amplitude_frequency", "drive_mode_only", stage="primary", unit="ppm/FS^2", typical=3.0, channels=FREQUENCY)
 def duffing_of_one_mode(world: World, strength: float) -> None:
     """f of the driven mode alone changes with amplitude squared"""
     world.stiffening = (_nonlinear(world, 2e-6 * strength, 2)[0], 0.0)
 
 
-@effect("amplitude_frequency", "quartic", stage="primary", unit="ppm/FS^4", typical=30.0, channels=FREQUENCY)
+@effect("amplitude_frequency", "quartic", stage="primary", unit="ppm/FS^4", typical=4.0, channels=FREQUENCY)
 def quartic(world: World, strength: float) -> None:
     """f changes with the fourth power of amplitude"""
     world.stiffening = _nonlinear(world, 2e-6 * strength, 4)
 
 
-@effect("amplitude_damping", "square", stage="primary", unit="1/FS^2", typical=0.1, channels=LEVEL)
+@effect("amplitude_damping", "square", stage="primary", unit="1/FS^2", typical=0.02, channels=LEVEL)
 def amplitude_damping(world: World, strength: float) -> None:
     """1/Q changes with amplitude squared"""
     world.thickening = _nonlinear(world, strength, 2)
 
 
-@effect("amplitude_damping", "linear", stage="primary", unit="1/FS", typical=0.1, channels=LEVEL)
+@effect("amplitude_damping", "linear", stage="primary", unit="1/FS", typical=0.02, channels=LEVEL)
 def amplitude_drag(world: World, strength: float) -> None:
     """1/Q changes with amplitude, as turbulent drag does"""
     world.thickening = _nonlinear(world, strength, 1)
 
 
-@effect("amplitude_damping", "quartic", stage="primary", unit="1/FS^4", typical=0.1, channels=LEVEL)
+@effect("amplitude_damping", "quartic", stage="primary", unit="1/FS^4", typical=0.03, channels=LEVEL)
 def amplitude_damping_quartic(world: World, strength: float) -> None:
     """1/Q changes with the fourth power of amplitude"""
     world.thickening = _nonlinear(world, strength, 4)
@@ -104,26 +104,26 @@ def _when(world: World, low: float = 0.35, high: float = 0.7) -> float:
     return float(world.random("when it happens").uniform(low, high))
 
 
-@effect("damping_step", "step", stage="primary", unit="1", typical=0.05, channels=LEVEL)
+@effect("damping_step", "step", stage="primary", unit="1", typical=0.01, channels=LEVEL)
 def damping_step(world: World, strength: float) -> None:
     """1/Q steps once and stays"""
     _thicken(world, strength * (world.part >= _when(world)))
 
 
-@effect("damping_step", "creep", stage="primary", unit="1", typical=0.08, channels=LEVEL)
+@effect("damping_step", "creep", stage="primary", unit="1", typical=0.015, channels=LEVEL)
 def damping_creep(world: World, strength: float) -> None:
     """1/Q creeps exponentially to another value, as when a joint settles"""
     since = np.maximum(world.part - _when(world, 0.15, 0.5), 0.0)
     _thicken(world, strength * -np.expm1(-since / 0.15))
 
 
-@effect("damping_step", "leak", stage="primary", unit="1 a day's end", typical=0.08, channels=LEVEL)
+@effect("damping_step", "leak", stage="primary", unit="1 a day's end", typical=0.015, channels=LEVEL)
 def damping_leak(world: World, strength: float) -> None:
     """1/Q rises steadily as gas leaks in"""
     _thicken(world, strength * world.part)
 
 
-@effect("damping_step", "there_and_back", stage="primary", unit="1", typical=0.06, channels=LEVEL)
+@effect("damping_step", "there_and_back", stage="primary", unit="1", typical=0.015, channels=LEVEL)
 def damping_there_and_back(world: World, strength: float) -> None:
     """1/Q steps, and back later"""
     begin = _when(world, 0.25, 0.55)

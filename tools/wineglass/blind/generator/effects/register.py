@@ -18,6 +18,7 @@ class Variant:
     typical: a strength, in `unit`, that a protocol with every excitation shows clearly; scale it from there
     channels: where the difference shows first, of the recording's channels ("noise of X" where only the noise differs)
     imitates: id of the catalogue's effect that an effect outside the catalogue is made to look like
+    loop: the only loop in which it shows; empty: both
     """
 
     id: str
@@ -30,20 +31,21 @@ class Variant:
     law: Law
     in_catalogue: bool = True
     imitates: str = ""
+    loop: str = ""
 
 
 _register: dict[tuple[str, str], Variant] = {}
 
 
 def effect(id: str, name: str, *, stage: str, unit: str, typical: float, channels: tuple[str, ...] = ("rate",), imitates: str = "",
-           in_catalogue: bool = True) -> Callable[[Law], Law]:
+           in_catalogue: bool = True, loop: str = "") -> Callable[[Law], Law]:
     """Registers a law under an effect's id and a variant's name; its docstring says what it is."""
 
     def put(law: Law) -> Law:
         if (id, name) in _register:
             raise ValueError(f"{id}/{name} is there twice")
         meaning = (law.__doc__ or "").strip().splitlines()[0]
-        _register[id, name] = Variant(id, name, stage, unit, typical, channels, meaning, law, in_catalogue, imitates)
+        _register[id, name] = Variant(id, name, stage, unit, typical, channels, meaning, law, in_catalogue, imitates, loop)
         return law
 
     return put

@@ -5,7 +5,7 @@ from __future__ import annotations
 from wineglass.blind.generator.effects.register import effect
 from wineglass.blind.generator.world import Slow, World
 
-SENSE = ("quadrature", "rate")
+SENSE = ("quadrature", "rate", "drive_frequency")
 
 
 def _split(world: World, hz: Slow) -> None:
@@ -13,26 +13,26 @@ def _split(world: World, hz: Slow) -> None:
     world.split_hz = world.split_hz + hz
 
 
-@effect("frequency_split", "constant", stage="secondary", unit="Hz", typical=0.05, channels=SENSE)
+@effect("frequency_split", "constant", stage="secondary", unit="Hz", typical=0.03, channels=SENSE)
 def split(world: World, strength: float) -> None:
     """k1 and k2 apart, half each way"""
     _split(world, strength)
 
 
-@effect("frequency_split", "secondary_only", stage="secondary", unit="Hz", typical=0.05, channels=SENSE)
+@effect("frequency_split", "secondary_only", stage="secondary", unit="Hz", typical=0.03, channels=("quadrature", "rate"))
 def split_of_secondary(world: World, strength: float) -> None:
     """k2 lower, k1 as described"""
     _split(world, strength)
     world.frequency_hz = world.frequency_hz - 0.5 * strength
 
 
-@effect("frequency_split", "thermal", stage="secondary", unit="Hz/degC", typical=1.5e-3, channels=SENSE)
+@effect("frequency_split", "thermal", stage="secondary", unit="Hz/degC", typical=5e-4, channels=SENSE)
 def split_thermal(world: World, strength: float) -> None:
     """k1 and k2 go apart with temperature"""
     _split(world, strength * world.shift)
 
 
-@effect("frequency_split", "thermal_curved", stage="secondary", unit="Hz/degC^2", typical=3e-5, channels=SENSE)
+@effect("frequency_split", "thermal_curved", stage="secondary", unit="Hz/degC^2", typical=1e-5, channels=SENSE)
 def split_curved(world: World, strength: float) -> None:
     """k1 and k2 go apart with temperature squared"""
     _split(world, strength * world.shift**2)

@@ -47,13 +47,13 @@ def curvature(world: World, strength: float) -> None:
     world.thermometer_degc = world.thermometer_degc + strength * (world.thermometer_degc - reference) ** 2
 
 
-@effect("thermometer_quantisation", "steps", stage="temperature", unit="degC", typical=1.0, channels=MEASURED)
+@effect("thermometer_quantisation", "steps", stage="temperature", unit="degC", typical=0.5, channels=MEASURED)
 def steps(world: World, strength: float) -> None:
     """the thermometer reads in coarse steps"""
     world.thermometer_steps_degc = abs(strength)
 
 
-@effect("thermometer_quantisation", "sticking_steps", stage="temperature", unit="degC", typical=1.0, channels=MEASURED)
+@effect("thermometer_quantisation", "sticking_steps", stage="temperature", unit="degC", typical=0.5, channels=MEASURED)
 def sticking_steps(world: World, strength: float) -> None:
     """the thermometer reads in coarse steps and changes late, as with a comparator's dead band of half a step"""
     world.thermometer_steps_degc = abs(strength)

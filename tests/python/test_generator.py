@@ -1,0 +1,221 @@
+"""The independent generator: its null against description and closed forms, its recordings, and what each effect does."""
+
+import math
+
+import generator_case as cases
+import numpy as np
+import pytest
+
+from wineglass import device as devices
+from wineglass.blind import generator
+from wineglass.blind.generator import Applied, making, native, unit
+from wineglass.blind.generator.native import ffi, library
+from wineglass.blind.generator.plant import Plant
+from wineglass.blind.generator.world import World
+from wineglass.errors import BadInput
+from wineglass.recording import Recording
+from wineglass.steady_state import steady_state
+
+CATALOGUE = """frequency_temperature damping_temperature amplitude_frequency amplitude_damping damping_step frequency_split damping_mismatch
+cross_damping cross_stiffness coriolis_gain thermal_gradient thermal_hysteresis ageing drive_misalignment actuator_gain drive_phase
+pickoff_gain pickoff_phase drive_feedthrough adc_nonlinearity adc_saturation excess_noise flicker_noise clock_error clock_jitter
+dropped_samples thermometer_lag thermometer_error thermometer_quantisation vibration interference rate_reference firmware_mismatch""".split()
+STAGES = {"primary", "secondary", "coupling", "actuation", "pickoff", "clock", "temperature", "environment", "firmware"}
+VARIANTS = generator.variants()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("generator")
+
+
+@pytest.fixture(scope="module")
+def plain(folder):
+    """The short day of a healthy device in both loops: paths and calibration blocks."""
+    found = {}
+    for loop in ("open", "rebalance"):
+        case, path = cases.case(loop), folder / f"plain_{loop}.h5"
+        block = cases.block(case)
+        generator.make(case, path, block)
+        found[loop] = (path, block)
+    return found
+
+
+def made(folder, block, loop, *effects, name="changed.h5", **more):
+    path = folder / name
+    generator.make(cases.case(loop, effects=effects, **more), path, block)
+    return path
+
+
+# --- the register ----------------------------------------------------------------------------------------------------
+
+
+def test_every_effect_of_the_catalogue_has_two_forms():
+    assert generator.ids(in_catalogue=True) == sorted(CATALOGUE)
+    assert all(len(generator.variants(one)) >= 2 for one in CATALOGUE)
+    assert {one.stage for one in VARIANTS} == STAGES
+
+
+def test_a_dozen_effects_stand_outside_the_catalogue_and_one_imitates():
+    assert len(generator.ids(in_catalogue=False)) >= 12
+    imitators = [one for one in VARIANTS if one.imitates]
+    assert imitators and all(one.imitates in CATALOGUE and not one.in_catalogue for one in imitators)
+
+
+def test_an_unknown_variant_is_refused():
+    with pytest.raises(BadInput, match="no effect"):
+        generator.find("ageing", "sideways")
+
+
+# --- the healthy device ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["metal", "silica"])
+def test_null_in_the_open_loop_against_the_steady_state(folder, name):
+    """Locked and at rest at 40 degC: frequency and secondary amplitude are those of the closed form, rate noise that of the converter."""
+    quality = {"resonator.q": 2000.0}
+    scenario = cases.day(**{"device": name, "override": quality, "duration_s": 12.0, "temperature": {"kind": "constant", "value_degc": 40.0},
+                            "rate": {"kind": "constant", "value_deg_s": 3.0}, "command": [], "recording.bursts": []})
+    case = generator.Case(scenario)
+    generator.make(case, folder / "rest.h5", cases.block(case))
+    described = devices.load(name).override(quality)
+    expected = steady_state(described.resonator, 40.0, math.radians(3.0))
+    with Recording.open(folder / "rest.h5") as recording:
+        tap = recording.tap("baseband")
+        late = tap.time_s > 9.0
+        z1, z2 = (np.asarray(tap[f"{axis}_in_phase"])[late] + 1j * np.asarray(tap[f"{axis}_quadrature"])[late] for axis in ("primary", "secondary"))
+        frequency = np.asarray(tap["drive_frequency"])[late]
+    assert frequency.mean() == pytest.approx(float(expected.frequency_hz), rel=2e-8)
+    assert abs((z2 / z1).mean() - complex(expected.ratio)) < 3e-6
+    # noise of the lock-in: white noise of the converter and its quantiser in the band of 50 Hz frames
+    adc = described.electronics.adc
+    code = 2.0 ** (1 - adc.bits)
+    per_frame = described.electronics.sample_rate_hz / 50.0
+    white = math.sqrt(2.0 * (adc.noise_fs_rms**2 + code**2 / 12.0) / per_frame)
+    assert np.std(np.diff(z2.imag)) / math.sqrt(2.0) == pytest.approx(white, rel=0.25)
+
+
+def test_null_rate_follows_the_table(plain):
+    """Rebalance: rate and true rate differ by no more than bias tolerance, noise and what the split's quadrature leaks."""
+    with Recording.open(plain["rebalance"][0]) as recording:
+        rate, true = np.asarray(recording.tap("output")["rate"]), np.asarray(recording.tap("reference")["true_rate"])
+        time_s = recording.tap("output").time_s
+    for begin, end in ((6.3, 6.9), (8.0, 9.5), (10.8, 11.4)):
+        part = (time_s > begin) & (time_s < end)
+        assert abs(np.mean(rate[part] - true[part])) < 8e-5
+        assert np.std(rate[part]) < 4e-4
+
+
+def test_a_turned_frame_turns_nothing():
+    """Without damping and forces an oscillation keeps its plane while the frame turns under it, g = 2, through a ramp of the rate: x2/x1 is the
+    tangent of the angle at every single sample. Numbers held over several samples would fail here."""
+    changes = {"device": "paper", "duration_s": 0.2, "temperature": {"kind": "constant"}, "command": [], "recording.bursts": [],
+               "rate": {"kind": "steps", "times_s": [0.0], "values_deg_s": [900.0], "edge_s": 0.1},
+               "override": {"resonator.cross_damping_rad_s": [0.0], "electronics.adc.bits": 32, "electronics.adc.snr_db": 0.0}}
+    case = generator.Case(cases.day(**changes))
+    described = making.describe(case)
+    world = World(described, described.override({"noise_floor.rate_bias_instability_rad_s": 0.0, "noise_floor.frequency_ppm": 0.0,
+                                                 "noise_floor.drive_level_relative": 0.0}), case.scenario, 1)
+    world.decay_1 = world.decay_2 = 0.0
+    world.drive_force = world.rebalance_force = 0.0
+    with Plant(world, cases.block(case)) as plant:
+        library().exam_set_state(plant._exam, ffi.new("double[]", [0.5, 0.0, 0.0, 0.0]))
+        codes = plant.run(world.n_blocks, codes=True)[1]
+    time_s = np.arange(len(codes)) / 50_000.0
+    full, edge = math.radians(900.0), 0.1
+    angle = np.where(time_s < edge, 0.5 * full / edge * time_s**2, full * (time_s - 0.5 * edge))
+    carrier = 0.5 * np.cos(2 * math.pi * 5000.0 * time_s)
+    np.testing.assert_allclose(codes[:, 0] * 2.0**-31, carrier * np.cos(angle), rtol=0, atol=5e-8)
+    np.testing.assert_allclose(codes[:, 1] * 2.0**-31, carrier * np.sin(angle), rtol=0, atol=5e-8)
+
+
+def test_another_unit_stays_within_the_tolerances():
+    described = devices.load("metal")
+    draws = [unit.drawn(described, np.random.default_rng(seed)) for seed in range(300)]
+    for path, tolerance in described.tolerance.items():
+        values = np.array([np.atleast_1d(draw[path]) for draw in draws], float)
+        nominal = np.atleast_1d(np.asarray(_field(described, path), float))
+        size = np.abs(nominal) * tolerance.relative if tolerance.relative else np.atleast_1d(tolerance.absolute)
+        assert np.all(np.abs(values - nominal) <= 2.0 * size + 1e-15), path
+        np.testing.assert_allclose(values.std(axis=0), 0.88 * size, rtol=0.15, err_msg=path)  # a normal cut at two sigma
+    assert unit.another(described, draws[0]) != described
+
+
+def _field(device, path):
+    for part in path.split("."):
+        device = getattr(device, part)
+    return device
+
+
+# --- recordings ------------------------------------------------------------------------------------------------------
+
+
+def test_a_recording_is_whole_and_says_nothing(folder, plain):
+    """Every tap, bursts with snapshots, and no word of what was done to the device."""
+    path = made(folder, plain["open"][1], "open", Applied("thermometer_lag", "two_poles", 1.0), another_unit=True, lost_fraction=0.02, noise_factor=2.0)
+    with Recording.open(path) as recording:
+        assert {"raw", "baseband", "output", "reference"} <= set(recording.taps) | {"raw"}
+        assert len(recording.bursts) == 1 and recording.bursts[0].state_snapshot
+        lost = np.asarray(recording.tap("output").lost)
+        assert 0.002 < lost.mean() < 0.06
+        told = devices.loads(recording.device_toml)
+        texts = recording.device_toml + recording.source + "".join(str(event) for event in recording.events)
+    assert told.electronics.adc.snr_db == pytest.approx(devices.load("metal-fast").electronics.adc.snr_db - 6.02, abs=0.01)
+    assert not any(word in texts for word in (*CATALOGUE, "two_poles", "another_unit", "plant.override"))
+    assert told.resonator == devices.load("metal-fast").resonator
+
+
+def test_the_same_case_gives_the_same_bytes_and_another_seed_others(folder, plain):
+    block = plain["open"][1]
+    again = made(folder, block, "open", name="again.h5")
+    other = folder / "other.h5"
+    generator.make(cases.case("open", seed=6), other, block)
+    with Recording.open(plain["open"][0]) as a, Recording.open(again) as b, Recording.open(other) as c:
+        codes = [np.asarray(one.tap("output").codes("rate")) for one in (a, b, c)]
+    assert np.array_equal(codes[0], codes[1]) and not np.array_equal(codes[0], codes[2])
+
+
+# --- effects ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("one", VARIANTS, ids=lambda one: f"{one.id}-{one.name}")
+def test_strength_zero_is_the_healthy_device(one):
+    case = cases.case(effects=(Applied(one.id, one.name, 0.0),))
+    described = making.describe(case)
+    with_zero, without = making.world_of(case, described, {}), making.world_of(case.without_effects(), described, {})
+    assert with_zero.columns().keys() == without.columns().keys()
+    assert all(np.array_equal(value, without.columns()[name]) for name, value in with_zero.columns().items())
+    assert np.array_equal(with_zero.thermometer_codes(), without.thermometer_codes())
+    assert not with_zero.tones and not with_zero.troubles and not with_zero.output_patches and not with_zero.calibration_patches
+    assert with_zero.bench == without.bench and with_zero.adc_error == with_zero.dac_error == [None, None]
+
+
+@pytest.mark.parametrize("one", VARIANTS, ids=lambda one: f"{one.id}-{one.name}")
+def test_every_effect_shows_where_it_is_said_to(folder, plain, one):
+    """A short day is no bench day: five times the typical size where a quarter of a minute holds too little."""
+    loop = one.loop or "open"
+    path, block = plain[loop]
+    grade = generator.grade(made(folder, block, loop, Applied(one.id, one.name, 3.0 * one.typical)), path)
+    shown = max(_seen(grade, channel) for channel in one.channels)
+    assert shown > 8.0, f"{one.channels}: {shown:.1f}, most in {grade.channel}: {grade.snr:.1f}"
+
+
+def _seen(grade, channel: str) -> float:
+    found = grade.channels[channel.removeprefix("noise of ")]
+    return max(found.noise, found.shift) if channel.startswith("noise of ") else found.shift
+
+
+def test_strength_scales_what_is_seen(folder, plain):
+    path, block = plain["open"]
+    snr = [generator.grade(made(folder, block, "open", Applied("cross_damping", "constant", size)), path).channels["rate"].shift for size in (60.0, 180.0)]
+    assert snr[1] == pytest.approx(3.0 * snr[0], rel=0.1)
+
+
+def test_the_oracle_sees_nothing_in_a_null(plain):
+    case = cases.case("open")
+    assert generator.oracle(case, plain["open"][1]).snr == 0.0
+
+
+def test_the_library_has_no_twin_in_it():
+    text = native.library_path().read_bytes()
+    assert b"exam_run" in text and b"twin_create" not in text and b"envelope_create" not in text
