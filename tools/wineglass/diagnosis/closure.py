@@ -54,6 +54,10 @@ class Closed:
     products: Products
     runs: int
     entry: Explained = field(init=False)
+    held: np.ndarray = field(init=False)
+    """(folds, channels): energy left when fitted on the other folds"""
+    earned: bool = True
+    """every one of its effects earns its place on held-out data"""
 
     @property
     def settings(self) -> list[Setting]:

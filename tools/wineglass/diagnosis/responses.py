@@ -96,7 +96,7 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
     columns: list[Column] = []
     values: list[np.ndarray] = []
     variants: dict[str, list[Variant]] = {}
-    for name, response in _nuisances(bench):
+    for name, response in uncertainties(bench):
         columns.append(Column("", None, name, 1.0))
         values.append(response)
     nuisances = tuple(range(len(columns)))
@@ -125,7 +125,7 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
 # --- nuisances -----------------------------------------------------------------------------------------------------------
 
 
-def _nuisances(bench: Bench) -> list[tuple[str, np.ndarray]]:
+def uncertainties(bench: Bench) -> list[tuple[str, np.ndarray]]:
     device = bench.driven.run.device
     found = [(name, bench.run(truth=changed) - bench.nominal) for name, changed in _uncertain(device)]
     if bench.driven.shell_known:

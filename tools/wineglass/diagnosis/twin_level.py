@@ -6,8 +6,8 @@ docs/DIAGNOSIS.md argues every step.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from wineglass.diagnosis import channels, drive, explain, floors, responses, sys
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.closure import Closed, Closer
 from wineglass.diagnosis.drive import Driven
-from wineglass.diagnosis.explain import Explained, Support
+from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.floors import Floor
 from wineglass.diagnosis.responses import Bench, Responses
 from wineglass.diagnosis.system import System
@@ -34,6 +34,7 @@ PARTED = 2  # sets of each size that are also tried without each of their effect
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
 SWITCHING = 12  # frames after the loop was opened or closed
+HELD_OUT_SLACK = 2.0  # energy: of noise alone
 BEND = 0.03  # of the rate's span: a second difference beyond that is a step
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
@@ -58,25 +59,33 @@ def full_twin(driven: Driven, grid: Grid, effects: Sequence[Setting] = ()) -> Fr
 class TwinAnalysis:
     """Everything that verdict and report need.
 
-    none: no effect; closed: explanations followed on the envelope twin, the best first; held (closed and none): energy left per fold and
-    channel when fitted on the other folds.
+    base: the full twin without effects. pick: the system's channels among those of bench and responses. none: no effect; closed:
+    explanations followed on the envelope twin, the best first. held_none (folds, channels): energy left when nuisances are fitted on the other folds.
     """
 
     driven: Driven
+    grid: Grid
     recorded: Frames
     base: Frames
     floor: Floor
+    pick: list[int]
+    bench: Bench
     responses: Responses
     system: System
+    table: system.Products
     none: Explained
     closed: list[Closed]
     softening: np.ndarray
     held_none: np.ndarray
-    held: list[np.ndarray] = field(default_factory=list)
 
     @property
     def names(self) -> tuple[str, ...]:
         return self.system.names
+
+    def closed_for(self, ids: Iterable[str]) -> Closed | None:
+        """The closed explanation with just these effects, those apart that leave no trace in slow channels."""
+        wanted = {effect for effect in ids if effect in self.responses.variants}
+        return next((entry for entry in self.closed if set(entry.support) == wanted), None)
 
 
 def analyse(recording: Recording, described: Device | None = None, without: frozenset[str] = frozenset(),
@@ -106,9 +115,21 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     advance()
     counts = {effect: len(variants) for effect, variants in found.variants.items()}
     closed, softening, none = _weighed(closed, table, found, counts, softening)
-    nuisances = list(found.nuisances)
-    return TwinAnalysis(driven, recorded, base, floor, found, built, none, closed, softening, explain.held_out(table, softening, nuisances),
-                        [explain.held_out(c.products, softening, c.places) for c in closed])
+    held_none = explain.held_out(table, softening, list(found.nuisances))
+    _hold_out(closed, held_none, softening)
+    return TwinAnalysis(driven, grid, recorded, base, _picked(floor, pick), pick, bench, found, built, table, none, closed, softening, held_none)
+
+
+def _hold_out(closed: list[Closed], held_none: np.ndarray, softening: np.ndarray) -> None:
+    """An effect earns its place when held-out data are predicted better with it than without, where the latter was followed too."""
+    energy: dict[frozenset[str], float] = {frozenset(): float(np.sum(held_none / softening))}
+    for entry in closed:
+        entry.held = explain.held_out(entry.products, softening, entry.places)
+        energy[frozenset(entry.support)] = float(np.sum(entry.held / softening))
+    for entry in closed:
+        whole = frozenset(entry.support)
+        parts = [whole - {effect} for effect in entry.support]
+        entry.earned = all(energy[whole] < energy[part] + HELD_OUT_SLACK for part in parts if part in energy)
 
 
 def _with_ideal_thermometer(base: Frames, bench: Bench) -> Frames:

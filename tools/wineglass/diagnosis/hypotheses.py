@@ -1,0 +1,101 @@
+"""Probabilities over sets of effects, none and other: what the slow channels say, and what noise and raw codes say, together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import logsumexp
+
+from wineglass.diagnosis.explain import GENERIC_PRIOR, INCLUSION
+from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER
+
+if TYPE_CHECKING:
+    from wineglass.diagnosis.twin_level import TwinAnalysis
+
+Ids = tuple[str, ...]
+SEEN_IN_NOISE = frozenset({"excess_noise", "flicker_noise", "clock_jitter", "interference", "dropped_samples", "vibration", "thermometer_quantisation"})
+"""Effects that show in noise, lines, single events or codes: without a trace there they are not it."""
+UNSEEN = -20.0
+CREDIBLE = 0.95
+SETTLED = 0.8
+SIMPLER = 0.3  # a set is dropped for a part of it that is at least this times as probable
+LISTED = 12
+
+
+@dataclass(frozen=True)
+class Hypotheses:
+    """probability: set of ids -> probability, summing to 1; sets may hold `other` beside effects."""
+
+    probability: dict[Ids, float]
+
+    @property
+    def none(self) -> float:
+        return self.probability.get((NONE,), 0.0)
+
+    @property
+    def other(self) -> float:
+        """That something is there which the catalogue does not have."""
+        return sum(p for ids, p in self.probability.items() if OTHER in ids)
+
+    def marginal(self, effect: str) -> float:
+        return sum(p for ids, p in self.probability.items() if effect in ids)
+
+    @property
+    def named(self) -> list[Ids]:
+        """Sets of effects without `other`, the most probable first."""
+        return sorted((ids for ids in self.probability if NONE not in ids and OTHER not in ids), key=lambda ids: -self.probability[ids])
+
+    @property
+    def best_known(self) -> Ids:
+        """The effects of the most probable set, `other` aside."""
+        best = max((ids for ids in self.probability if NONE not in ids), key=lambda ids: self.probability[ids], default=())
+        return tuple(e for e in best if e in EFFECTS)
+
+
+def weigh(found: TwinAnalysis, noise: dict[frozenset[str], float] | None) -> Hypotheses:
+    """noise: log evidence of sets of noise-like effects over none, from noise_level; None: nothing was looked at."""
+    logs: dict[Ids, float] = {}
+
+    def add(ids: frozenset[str], value: float) -> None:
+        key = tuple(sorted(ids)) if ids else (NONE,)
+        logs[key] = float(np.logaddexp(logs[key], value)) if key in logs else value
+
+    traces = noise if noise is not None else {frozenset[str](): 0.0}
+    no_generic = len(found.names) * np.log1p(-GENERIC_PRIOR)
+    slow = [(frozenset[str](), found.none), *[(frozenset(c.support), c.entry) for c in found.closed if c.earned]]
+    for support, entry in slow:
+        with_other = entry.log_generic + np.log1p(-min(1.0 - 1e-12, np.exp(min(0.0, no_generic - entry.log_generic))))
+        for trace, value in traces.items():
+            extra = len([e for e in trace if e in EFFECTS and e not in support]) * np.log(INCLUSION / (1.0 - INCLUSION))
+            missing = support & SEEN_IN_NOISE - trace
+            penalty = UNSEEN * len(missing) if noise is not None else 0.0
+            both = support | trace
+            add(both, entry.log_evidence + no_generic + value + extra + penalty)
+            add(both | {OTHER}, entry.log_evidence + with_other + value + extra + penalty)
+    total = logsumexp(list(logs.values()))
+    return Hypotheses(_listed({ids: float(np.exp(v - total)) for ids, v in logs.items()}))
+
+
+def _listed(probability: dict[Ids, float]) -> dict[Ids, float]:
+    """The most probable sets, none and other, and together one."""
+    order = sorted(probability, key=lambda ids: -probability[ids])
+    kept = dict.fromkeys([*order[:LISTED], (NONE,), (OTHER,)])
+    total = sum(probability.get(ids, 0.0) for ids in kept)
+    return {ids: probability.get(ids, 0.0) / total for ids in kept}
+
+
+def alternatives(found: Hypotheses) -> list[Ids]:
+    """The credible sets, without those that contain a simpler and about as probable one."""
+    order = found.named
+    total = sum(found.probability[ids] for ids in order)
+    credible: list[Ids] = []
+    mass = 0.0
+    for ids in order:
+        if mass >= CREDIBLE * total or found.probability[ids] <= 0.0:
+            break
+        credible.append(ids)
+        mass += found.probability[ids]
+    return [ids for ids in credible
+            if not any(set(simpler) < set(ids) and found.probability[simpler] >= SIMPLER * found.probability[ids] for simpler in credible)]

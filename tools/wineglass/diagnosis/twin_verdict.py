@@ -1,0 +1,278 @@
+"""Twin-level analysis -> diagnosis: which verdict, what is named, and in which words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wineglass import __version__, effects
+from wineglass.diagnosis import confirmation, hypotheses, menu
+from wineglass.diagnosis.channels import unit_of
+from wineglass.diagnosis.closure import Closed
+from wineglass.diagnosis.confirmation import Change, Confirmed
+from wineglass.diagnosis.contract import (ChannelShrink, Diagnosis, EffectFound, Hypothesis, NextExperiment, Parameter, Provenance, Region, Shrink,
+                                          TotalShrink, Where)
+from wineglass.diagnosis.hypotheses import SETTLED, Hypotheses, Ids
+from wineglass.diagnosis.responses import POLAR
+from wineglass.diagnosis.twin_level import ENGINE, TwinAnalysis
+from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, stage_of
+
+COMPUTED_BY = "full twin with the effects added, firmware in the loop"
+UNKNOWN_ABOVE = 0.5
+PLACES = {"primary_in_phase": ("primary", "level"), "primary_quadrature": ("primary", "quadrature"), "drive_frequency": ("primary", "frequency"),
+          "drive_level": ("primary", "level"), "secondary_in_phase": ("coupling", "in_phase"), "secondary_quadrature": ("coupling", "quadrature"),
+          "rebalance_in_phase": ("coupling", "in_phase"), "rebalance_quadrature": ("coupling", "quadrature"), "rate": ("coupling", "in_phase"),
+          "rate_uncompensated": ("coupling", "in_phase"), "quadrature": ("coupling", "quadrature"), "temperature_measured": ("temperature", "temperature")}
+"""Where a gap that nothing explains is booked: the stage that the channel reads"""
+Z95 = 1.96
+
+
+@dataclass(frozen=True)
+class Source:
+    """What the recording is: for the provenance."""
+
+    recording: str
+    sha256: str
+    firmware: str | None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """verdict; named: the explanations; chosen: the closed one that is confirmed on the full twin"""
+
+    verdict: str
+    named: list[Ids]
+    chosen: Closed | None
+
+
+def decide(found: TwinAnalysis, weighed: Hypotheses) -> Outcome:
+    if weighed.none > 0.5:
+        return Outcome("no_gap", [], None)
+    known = weighed.best_known
+    if weighed.other > UNKNOWN_ABOVE:
+        return Outcome("unknown", [known] if known else [], found.closed_for(known) if known else None)
+    named = hypotheses.alternatives(weighed)
+    if not named:
+        return Outcome("unknown", [], None)
+    chosen = found.closed_for(named[0])
+    if len(named) > 1:
+        return Outcome("ambiguous", named, chosen)
+    holding = sum(p for ids, p in weighed.probability.items() if set(named[0]) <= set(ids))
+    if holding >= SETTLED:
+        return Outcome("attributed", named, chosen)
+    rivals = [ids for ids in weighed.probability if ids != (NONE,) and not set(named[0]) <= set(ids)]
+    return Outcome("ambiguous", [named[0], max(rivals, key=lambda ids: weighed.probability[ids], default=(OTHER,))], chosen)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The diagnosis, and what the report draws beside it."""
+
+    diagnosis: Diagnosis
+    outcome: Outcome
+    confirmed: Confirmed
+
+
+def diagnose(found: TwinAnalysis, weighed: Hypotheses, source: Source) -> Verdict:
+    outcome = decide(found, weighed)
+    confirmed = confirmation.confirm(found, outcome.chosen)
+    listed = _hypotheses(weighed)
+    named = _effects(found, outcome, confirmed, listed)
+    diagnosis = Diagnosis(
+        verdict=outcome.verdict, sentence=sentence(outcome, confirmed), where=_where(found, outcome, confirmed, named), hypotheses=listed,
+        effects=named, alternatives=[list(ids) for ids in outcome.named] if outcome.verdict == "ambiguous" else [],
+        shrink=_shrink(found, confirmed), next_experiment=_next(found, outcome), notes=[*source.notes, *found.driven.notes],
+        provenance=Provenance(program=f"wineglass {__version__}", engine=ENGINE, recording=source.recording, sha256=source.sha256,
+                              device=found.driven.run.device.name, firmware=source.firmware))
+    return Verdict(diagnosis, outcome, confirmed)
+
+
+def sentence(outcome: Outcome, confirmed: Confirmed) -> str:
+    total = confirmed.total
+    if outcome.verdict == "no_gap":
+        return "No gap: within its tolerances the nominal twin leaves no more than noise in every channel."
+    worst = max(confirmed.changes, key=lambda c: c.before / max(c.floor, 1e-300))
+    size = f"There is a gap, largest in {worst.channel}: {worst.before:.3g} {unit_of(worst.channel)} on held-out data, {worst.before / max(worst.floor, 1e-300):.3g} times the floor"
+    shrunk = "" if total.fraction is None else f" ({max(0.0, total.fraction):.1%} of the gap above the floor goes)"
+    if outcome.verdict == "attributed":
+        return f"{size}; {_in_words(outcome.named[0])} explains it{shrunk}."
+    if outcome.verdict == "ambiguous":
+        return f"{size}; this recording cannot tell apart: {'; or '.join(_in_words(ids) for ids in outcome.named[:4])}."
+    if outcome.named:
+        return f"{size}; {_in_words(outcome.named[0])} is a part of it{shrunk}, and nothing in the catalogue explains the rest."
+    return f"{size}, and nothing in the catalogue explains it well enough."
+
+
+def _in_words(ids: Ids) -> str:
+    return " with ".join("something that is not in the catalogue" if e == OTHER else e for e in ids)
+
+
+def _hypotheses(weighed: Hypotheses) -> list[Hypothesis]:
+    order = sorted(weighed.probability, key=lambda ids: -weighed.probability[ids])
+    return [Hypothesis(ids=list(ids), probability=weighed.probability[ids]) for ids in order]
+
+
+# --- effects ---------------------------------------------------------------------------------------------------------------
+
+
+def _effects(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, listed: list[Hypothesis]) -> list[EffectFound]:
+    named = sorted({e for ids in outcome.named for e in ids if e in EFFECTS})
+    shares = {e: s for ids in reversed(outcome.named) for e, s in _shares(found, found.closed_for(ids)).items()}
+    total = max(1.0, sum(shares.get(e, 0.0) for e in named))
+    result = []
+    for name in named:
+        holder = next((found.closed_for(ids) for ids in outcome.named if name in ids), None)
+        values, covariance = _estimate(found, holder, outcome, confirmed)
+        numbers = _parameters(holder, name, values, covariance) if holder is not None else []
+        confidence = min(1.0, sum(h.probability for h in listed if name in h.ids))
+        result.append(EffectFound(id=name, stage=stage_of(name), confidence=confidence, parameters=numbers, share=shares.get(name, 0.0) / total))
+    return sorted(result, key=lambda e: -e.confidence)
+
+
+def _shares(found: TwinAnalysis, closed: Closed | None) -> dict[str, float]:
+    """Share of the gap's energy that each effect of an explanation carries."""
+    if closed is None:
+        return {}
+    gone = float(np.sum((found.none.left - closed.entry.left) / found.softening))
+    gap = float(np.sum((found.none.left - found.system.n_rows) / found.softening))
+    whole = min(1.0, max(0.0, gone / gap)) if gap > 0.0 else 0.0
+    energies = {effect: float(np.sum(np.sum(part**2, axis=1) / found.softening)) for effect, part in contributions(found, closed).items()}
+    total = sum(energies.values())
+    return {effect: whole * energy / total for effect, energy in energies.items()} if total > 0.0 else {}
+
+
+def contributions(found: TwinAnalysis, closed: Closed) -> dict[str, np.ndarray]:
+    """(channels, n) whitened: what each effect alone does."""
+    if len(closed.support) == 1:
+        return {closed.support[0]: found.system.whiten(closed.response)}
+    return {setting.id: found.system.whiten((found.bench.run([setting]) - found.bench.nominal)[found.pick]) for setting in closed.settings}
+
+
+def _estimate(found: TwinAnalysis, closed: Closed | None, outcome: Outcome, confirmed: Confirmed) -> tuple[np.ndarray, np.ndarray]:
+    """Values and covariance of an explanation's unknowns: from the full twin where it was run, else from the envelope."""
+    if closed is None:
+        return np.zeros(0), np.zeros((0, 0))
+    if closed is outcome.chosen:
+        return confirmed.values, confirmed.covariance
+    gram = closed.products.pooled(found.softening)
+    spread = np.array([u.spread for u in closed.unknowns])
+    covariance = np.linalg.pinv(gram[:-1, :-1] + np.eye(len(gram) - 1), hermitian=True)[-len(spread):, -len(spread):]
+    return closed.values, covariance * np.outer(spread, spread)
+
+
+def _parameters(closed: Closed, effect: str, values: np.ndarray, covariance: np.ndarray) -> list[Parameter]:
+    numbers = []
+    mine = [i for i, u in enumerate(closed.unknowns) if u.effect == effect]
+    units = {p.name: p.unit for p in effects.find(effect).parameters}
+    for i in mine:
+        unknown, deviation = closed.unknowns[i], float(np.sqrt(max(covariance[i, i], 0.0)))
+        if unknown.role in ("strength", "shape"):
+            numbers.append(_number(unknown.name, float(values[i]), deviation, units[unknown.name]))
+    if effect in POLAR:
+        numbers = [*_polar_numbers(closed, effect, mine, values, covariance), *numbers]
+    return numbers
+
+
+def _number(name: str, value: float, deviation: float, unit: str) -> Parameter:
+    return Parameter(name=name, value=value, interval=(value - Z95 * deviation, value + Z95 * deviation), unit=unit)
+
+
+def _polar_numbers(closed: Closed, effect: str, mine: list[int], values: np.ndarray, covariance: np.ndarray) -> list[Parameter]:
+    """Size and axis from their two components, errors to first order."""
+    cosine, sine = (next(i for i in mine if closed.unknowns[i].role == role) for role in ("cosine", "sine"))
+    c, s = float(values[cosine]), float(values[sine])
+    size = max(float(np.hypot(c, s)), 1e-300)
+    block = covariance[np.ix_([cosine, sine], [cosine, sine])]
+    along, across = np.array([c, s]) / size, np.array([-s, c]) / size**2
+    axis_deviation = float(np.degrees(0.5 * np.sqrt(max(across @ block @ across, 0.0))))
+    return [_number(POLAR[effect][0], size, float(np.sqrt(max(along @ block @ along, 0.0))), _unit(effect, POLAR[effect][0])),
+            _number("axis_deg", float(np.degrees(0.5 * np.arctan2(s, c))), min(axis_deviation, 90.0), "deg")]
+
+
+def _unit(effect: str, name: str) -> str:
+    return next(p.unit for p in effects.find(effect).parameters if p.name == name)
+
+
+# --- where -----------------------------------------------------------------------------------------------------------------
+
+
+def _where(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, named: list[EffectFound]) -> list[Where]:
+    if outcome.verdict in ("no_gap", "insufficient"):
+        return []
+    places: dict[tuple[str, str], float] = {}
+    for effect in named:
+        key = (effect.stage, component_of(effect.id))
+        places[key] = places.get(key, 0.0) + effect.share
+    rest = max(0.0, 1.0 - sum(places.values()))
+    changes = {change.channel: change for change in confirmed.changes}
+    entries = [_named_place(found, changes, named, place, share) for place, share in places.items()]
+    if outcome.verdict == "unknown":
+        entries += _unexplained(found, outcome, changes, rest)
+    return sorted(entries, key=lambda w: -w.share)
+
+
+def _named_place(found: TwinAnalysis, changes: dict[str, Change], named: list[EffectFound], place: tuple[str, str], share: float) -> Where:
+    mine = {e.id for e in named if (e.stage, component_of(e.id)) == place}
+    closed = next((c for c in found.closed if set(c.support) & mine), None)
+    energy = np.zeros(len(found.names))
+    series = np.zeros(found.grid.count)
+    if closed is not None:
+        parts = contributions(found, closed)
+        total = sum(parts[e] for e in mine if e in parts)
+        energy = np.sum(total**2, axis=1)
+        series = total[int(np.argmax(energy))]
+    change = changes[found.names[int(np.argmax(energy))]]
+    return _place(found, *place, change, share, series)
+
+
+def _unexplained(found: TwinAnalysis, outcome: Outcome, changes: dict[str, Change], rest: float) -> list[Where]:
+    """What is left, channel by channel, in the stage that the channel reads."""
+    left = outcome.chosen.entry.left if outcome.chosen is not None else found.none.left
+    excess = np.maximum(0.0, left - found.system.n_rows) / found.softening
+    total = float(excess.sum())
+    order = [int(i) for i in np.argsort(-excess) if excess[i] > 0.05 * total]
+    return [_place(found, *PLACES[found.names[i]], changes[found.names[i]], rest * float(excess[i]) / total, found.system.data[i]) for i in order] if total else []
+
+
+def _place(found: TwinAnalysis, stage: str, component: str, change: Change, share: float, series: np.ndarray) -> Where:
+    return Where(stage=stage, channel=change.channel, component=component, share=min(1.0, share), region=_region(found, series),
+                 size=change.before, unit=unit_of(change.channel), ratio_over_floor=change.before / max(change.floor, 1e-300))
+
+
+def _region(found: TwinAnalysis, series: np.ndarray) -> Region:
+    """The stretch of time that holds nine tenths of the energy."""
+    time_s = found.grid.time_s
+    energy = np.cumsum(series**2)
+    if energy[-1] <= 0.0:
+        return Region(variable="time", start=float(time_s[0]), stop=float(time_s[-1]), unit="s")
+    low, high = np.searchsorted(energy, 0.05 * energy[-1]), np.searchsorted(energy, 0.95 * energy[-1])
+    return Region(variable="time", start=float(time_s[low]), stop=float(time_s[min(high, len(time_s) - 1)]), unit="s")
+
+
+# --- shrink and what is next -------------------------------------------------------------------------------------------------
+
+
+def _shrink(found: TwinAnalysis, confirmed: Confirmed) -> Shrink:
+    channels = [ChannelShrink(channel=c.channel, before=c.before, after=c.after, floor=c.floor, unit=unit_of(c.channel), fraction=c.fraction,
+                              interval=c.interval) for c in confirmed.changes]
+    total = confirmed.total
+    there = total.fraction is not None
+    whole = TotalShrink(before=total.before if there else None, after=total.after if there else None, floor=1.0 if there else None,
+                        fraction=total.fraction, interval=total.interval)
+    return Shrink(channels=channels, all=whole, held_out=confirmation.held_out_text(found), computed_by=COMPUTED_BY)
+
+
+def _next(found: TwinAnalysis, outcome: Outcome) -> NextExperiment | None:
+    if outcome.verdict in ("no_gap", "attributed"):
+        return None
+    if outcome.verdict == "unknown":
+        return NextExperiment(run="the same protocol again, without a change", separates=[], predicted_separation=None,
+                              why="what repeats follows temperature, rate or amplitude; what does not follows time or something unrecorded")
+    pair = [closed for closed in (found.closed_for(ids) for ids in outcome.named) if closed is not None][:2]
+    names = [list(ids) for ids in outcome.named]
+    if len(pair) < 2:
+        return NextExperiment(run="the protocol full", separates=names, predicted_separation=None, why="it excites every stage")
+    proposal = menu.propose(found, pair[0], pair[1])
+    return NextExperiment(run=proposal.run, separates=names, predicted_separation=proposal.separation, why=proposal.why)
