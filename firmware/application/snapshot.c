@@ -10,7 +10,7 @@
 #define STATES(member, width, count) {offsetof(struct gyro_state, member), (width), (count)}
 #define POLYNOMIAL(member)          CFGS(member.coef, 4, THERMAL_POLYNOMIAL_MAX_ORDER + 1), CFG(member.order, 4)
 #define COMPLEX(member)             STATE(member.i_q30, 4), STATE(member.q_q30, 4)
-#define CHANNEL(member)             STATE(member.falling_q52, 8), STATE(member.rising_q52, 8)
+#define CHANNEL(member)             STATE(member.sum_q52, 8), STATE(member.ramp_q52, 8), STATE(member.rising_q52, 8)
 #define AXIS(member)                STATE(member.integral_q54, 8), STATE(member.force_q31, 4), STATE(member.saturated, 1)
 #define FILTER(member)                                                                                              \
     STATES(member.x1, 8, OUTPUT_FILTER_SECTIONS), STATES(member.x2, 8, OUTPUT_FILTER_SECTIONS),                     \
@@ -46,9 +46,10 @@ static const struct layout_field state_fields[] = {
     STATE(oscillator.phase_u64, 8), STATE(oscillator.freq_u64, 8),
     CHANNEL(primary_lockin.in_phase), CHANNEL(primary_lockin.quadrature), CHANNEL(secondary_lockin.in_phase),
     CHANNEL(secondary_lockin.quadrature),
-    STATE(decoupler_coefs.gain_q48, 4), STATE(decoupler_coefs.a1_q30, 4), STATE(decoupler_coefs.a1_low_q36, 4),
-    STATE(decoupler_coefs.eps_q36, 4),
-    STATE(decoupler.q1_q61, 8), STATE(decoupler.q2_q61, 8), STATE(decoupler.error1_q63, 4), STATE(decoupler.error2_q63, 4),
+    STATE(decoupler_coefs.minus_gain_q48, 4), STATE(decoupler_coefs.a1_q30, 4), STATE(decoupler_coefs.a1_low_q36, 4),
+    STATE(decoupler_coefs.minus_r2_q30, 4), STATE(decoupler_coefs.minus_r2_low_q36, 4),
+    STATE(decoupler.next_q61, 8), STATE(decoupler.after_q61, 8), STATE(decoupler.error1_q63, 4),
+    STATE(decoupler.error2_q63, 4),
     STATE(acquisition.phase, 4), STATE(acquisition.tick, 4), STATE(acquisition.attempt, 4),
     STATE(acquisition.last_angle_i32, 4), STATE(acquisition.unwrapped, 8), STATES(acquisition.half_sum, 8, 2),
     STATE(acquisition.least_q30, 4),
@@ -65,7 +66,7 @@ static const struct layout_field state_fields[] = {
     STATE(drive_lead.cosine_q30, 4), STATE(drive_lead.sine_q30, 4),
     STATE(demodulation.cosine_q30, 4), STATE(demodulation.sine_q30, 4),
     STATE(drive_force.cosine_q31, 4), STATE(drive_force.sine_q31, 4), STATE(rebalance_force.cosine_q31, 4),
-    STATE(rebalance_force.sine_q31, 4), STATE(two_cos_q30, 4),
+    STATE(rebalance_force.sine_q31, 4), STATE(dac_mask, 4), STATE(two_cos_q30, 4),
     STATE(temperature_shift_q20, 4), STATE(bias_rad_s_q31, 4), STATE(scale_rad_s_q28, 4), STATE(decay_per_s_q22, 4),
     STATE(drive_phase_rad_q31, 4), STATE(bias_at_tick_q31, 4), STATE(bias_step_q31, 4),
     STATE(loop_slot, 4), STATE(slow_slot, 4), STATE(blank_ticks, 4), STATE(lock_ticks, 4), STATE(silent_ticks, 4),

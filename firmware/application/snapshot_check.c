@@ -17,7 +17,6 @@ struct bound {
 #define WITHIN(member, width, limit)   BOUND(member, (width), -(limit), (limit))
 #define WITHINS(member, count, limit)  {offsetof(struct gyro_state, member), 8, (count), -(limit), (limit)}
 #define POWER(exponent)                (INT64_C(1) << (exponent))
-#define CHANNEL(member)                WITHIN(member.falling_q52, 8, POWER(62) + POWER(40)), WITHIN(member.rising_q52, 8, POWER(61))
 #define PHASOR(member)                 WITHIN(member.cosine_q30, 4, POWER(30) + POWER(13)), WITHIN(member.sine_q30, 4, POWER(30) + POWER(13))
 #define FILTER(member)                                                                                              \
     WITHINS(member.x1, OUTPUT_FILTER_SECTIONS, POWER(48)), WITHINS(member.x2, OUTPUT_FILTER_SECTIONS, POWER(48)),   \
@@ -26,11 +25,9 @@ struct bound {
 /* What is not in this table or in a function below may have any value: it is bounded before it is used, or counted modulo its range.
  * Each bound is that of the range proof at the place named. */
 static const struct bound bounds[] = {
-    CHANNEL(primary_lockin.in_phase), CHANNEL(primary_lockin.quadrature), CHANNEL(secondary_lockin.in_phase), /* core/lockin.h */
-    CHANNEL(secondary_lockin.quadrature),
-    WITHIN(decoupler_coefs.gain_q48, 4, POWER(30)), WITHIN(decoupler_coefs.a1_low_q36, 4, POWER(5)), /* core/decoupler.h */
-    BOUND(decoupler_coefs.eps_q36, 4, 0, POWER(30)),
-    WITHIN(decoupler.q1_q61, 8, POWER(60)), WITHIN(decoupler.q2_q61, 8, POWER(60)),
+    WITHIN(decoupler_coefs.minus_gain_q48, 4, POWER(30)), WITHIN(decoupler_coefs.a1_low_q36, 4, POWER(5)), /* core/decoupler.h */
+    BOUND(decoupler_coefs.minus_r2_q30, 4, -POWER(30), 0), WITHIN(decoupler_coefs.minus_r2_low_q36, 4, POWER(5)),
+    WITHIN(decoupler.next_q61, 8, 3 * POWER(60) + POWER(50)), WITHIN(decoupler.after_q61, 8, POWER(60) + POWER(50)),
     BOUND(acquisition.phase, 4, ACQUISITION_CHIRP, ACQUISITION_DONE), BOUND(acquisition.attempt, 4, 0, 6), /* core/acquisition.c */
     BOUND(drive.drive_integral_q54, 8, 0, POWER(54)), BOUND(drive.drive_q31, 4, 0, DRIVE_MAX_Q31), /* core/drive_loop.c */
     WITHIN(rebalance.in_phase.integral_q54, 8, POWER(54)), WITHIN(rebalance.quadrature.integral_q54, 8, POWER(54)), /* core/rebalance.c */
@@ -68,6 +65,26 @@ static bool slots_are_within(const struct gyro_cfg *cfg, const struct gyro_state
     return state->loop_slot < cfg->lockin.decimation && state->slow_slot < cfg->loops_per_slow;
 }
 
+static bool is_within(int64_t value, int64_t limit)
+{
+    return value >= -limit && value <= limit;
+}
+
+/* After n of N products of a window, none above P (core/lockin.h): n of them, 1 + .. + n, and of the last window 1 + .. + N - 1. */
+static bool channel_is_within(const struct lockin_channel *channel, int64_t taken, int64_t decimation)
+{
+    const int64_t product_q52 = POWER(52) + POWER(35);
+    return is_within(channel->sum_q52, taken * product_q52) && is_within(channel->rising_q52, decimation * (decimation - 1) / 2 * product_q52) &&
+           is_within(channel->ramp_q52, POWER(62) + POWER(45)) &&
+           is_within(channel->ramp_q52 - channel->rising_q52, taken * (taken + 1) / 2 * product_q52);
+}
+
+static bool lockin_is_within(const struct lockin_state *lockin, const struct gyro_cfg *cfg, const struct gyro_state *state)
+{
+    return channel_is_within(&lockin->in_phase, state->loop_slot, cfg->lockin.decimation) &&
+           channel_is_within(&lockin->quadrature, state->loop_slot, cfg->lockin.decimation);
+}
+
 static bool force_is_within(struct gyro_force force)
 {
     int64_t cosine = force.cosine_q31, sine = force.sine_q31;
@@ -81,10 +98,10 @@ static bool sum_is_within(struct gyro_sum sum, int64_t terms, int64_t limit)
     return sum.i_q30 >= -most && sum.i_q30 <= most && sum.q_q30 >= -most && sum.q_q30 <= most;
 }
 
-/* Loop ticks are added in slot 0 (amplitudes) and 3 (forces) and taken out in slot 4 of a slow period's first loop tick. */
+/* Loop ticks are added in the last slot (amplitudes) and in slot 2 (forces) and taken out in slot 3 of a slow period's first loop tick. */
 static bool sums_are_within(const struct gyro_cfg *cfg, const struct gyro_state *state)
 {
-    int64_t terms = state->slow_slot > 0 ? state->slow_slot : state->loop_slot > 4 ? 0 : cfg->loops_per_slow;
+    int64_t terms = state->slow_slot > 0 ? state->slow_slot : state->loop_slot > 3 ? 0 : cfg->loops_per_slow;
     return sum_is_within(state->primary_sum, terms, POWER(31)) && sum_is_within(state->secondary_sum, terms, POWER(31)) &&
            sum_is_within(state->rebalance_sum, terms, DRIVE_MAX_Q31 / 2);
 }
@@ -125,6 +142,8 @@ bool snapshot_is_sound(const struct snapshot *snapshot)
 {
     const struct gyro_cfg *cfg = &snapshot->cfg;
     const struct gyro_state *state = &snapshot->state;
-    return configuration_is_sound(cfg) && all_within(state) && slots_are_within(cfg, state) && force_is_within(state->drive_force) &&
+    return configuration_is_sound(cfg) && all_within(state) && slots_are_within(cfg, state) &&
+           lockin_is_within(&state->primary_lockin, cfg, state) && lockin_is_within(&state->secondary_lockin, cfg, state) &&
+           state->dac_mask == (UINT32_C(1) << cfg->dac_shift) - 1 && force_is_within(state->drive_force) &&
            force_is_within(state->rebalance_force) && sums_are_within(cfg, state) && listening_is_within(cfg, &state->acquisition);
 }

@@ -13,25 +13,22 @@ struct dac_shaper_state {
     int32_t error1, error2; /* last rounding errors, wanted minus sent, in units of 2^-31 */
 };
 
-/* Left-justified force in, left-justified code out: the low `shift` bits (0 to 24) are zero.
- * Range: |errors| <= 2^23, so what is fed back, plus half a code, is below 2^25 and only the sum with the force can leave 32 bit: when both
- * have one sign and the sum the other. An output at the DAC's limit is flagged and forgets its error instead of winding up. */
-static inline int32_t dac_shaper_step(struct dac_shaper_state *state, int32_t force_q31, int32_t two_cos_q30, unsigned shift,
+/* Left-justified force in, left-justified code out: the bits of `mask` = 2^n - 1 (n = 0 to 24) are zero.
+ * Range: |errors| <= 2^23, so what is fed back, plus half a code, is below 2^25 and only the sum with the force can leave 32 bit. An output
+ * at the DAC's limit is flagged and forgets its error instead of winding up. */
+static inline int32_t dac_shaper_step(struct dac_shaper_state *state, int32_t force_q31, int32_t two_cos_q30, uint32_t mask,
                                       bool *saturated)
 {
-    uint32_t unit = UINT32_C(1) << shift;
-    int32_t half = (int32_t)(unit >> 1);
-    int32_t fed_back = fixed_mul_high(two_cos_q30, state->error1 * 4) - state->error2 + half;
-    int32_t sum = (int32_t)((uint32_t)force_q31 + (uint32_t)fed_back);
-    state->error2 = state->error1;
-    if (((force_q31 ^ sum) & (fed_back ^ sum)) < 0) {
+    int32_t half = (int32_t)(mask >> 1), last = state->error1;
+    int32_t fed_back = fixed_mul_high_floor(two_cos_q30, last * 4) - state->error2 + half;
+    int32_t sum;
+    if (fixed_add_wraps(force_q31, fed_back, &sum)) {
         *saturated = true;
-        state->error1 = 0;
-        return force_q31 < 0 ? INT32_MIN : (int32_t)(UINT32_C(0x80000000) - unit);
+        *state = (struct dac_shaper_state){0, last};
+        return (int32_t)((uint32_t)((force_q31 >> 31) ^ INT32_MAX) & ~mask);
     }
-    int32_t code = (int32_t)((uint32_t)sum & (0u - unit));
-    state->error1 = (int32_t)((uint32_t)sum & (unit - 1u)) - half;
-    return code;
+    *state = (struct dac_shaper_state){(int32_t)((uint32_t)sum & mask) - half, last};
+    return (int32_t)((uint32_t)sum & ~mask);
 }
 
 #endif

@@ -92,7 +92,9 @@ bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, 
     int64_t a1_q30 = fixed_round_shift(a1_q40, 10);
     coefs->a1_q30 = (int32_t)a1_q30;
     coefs->a1_low_q36 = (int32_t)fixed_round_shift(a1_q40 - a1_q30 * 1024, 4);
-    coefs->eps_q36 = (int32_t)eps_q36;
-    coefs->gain_q48 = gain_q48;
+    int64_t minus_r2_q36 = eps_q36 - (INT64_C(1) << 36);
+    coefs->minus_r2_q30 = (int32_t)fixed_round_shift(minus_r2_q36, 6);
+    coefs->minus_r2_low_q36 = (int32_t)(minus_r2_q36 - (int64_t)coefs->minus_r2_q30 * 64);
+    coefs->minus_gain_q48 = -gain_q48;
     return true;
 }

@@ -9,9 +9,9 @@
  *   a1 = (2 - eps) cos w, w = k2 T,   gain = g w_b T / 2 . eps / (2 d)
  *
  * At z = exp(jw) numerator and denominator are both 2j sin w, times gain and eps/2: real, so phase and gain are exact there. The pole's
- * angle is w - d^2/2 cot w, as near to the plant's own, w - d^2 / (2 w), as w is. One recursion, two outputs back:
+ * angle is w - d^2/2 cot w, as near to the plant's own, w - d^2 / (2 w), as w is. Transposed, so that no sample is moved, only sums:
  *
- *   q = u + a1 q1 - q2 + eps q2,   y = q - q2,   u = gain x
+ *   y = u + next,   next <- after + a1 y,   after <- -u - r^2 y,   u = gain x
  *
  * The gain stands at the input: when it changes, the filter has the plant's own transient. docs/DESIGN.md compares the
  * discretisations. The output is rounded to Q31 with its error fed back, zero at the carrier: where the carrier repeats every few
@@ -25,14 +25,16 @@
 #include "core/fixed.h"
 
 struct decoupler_coefs {
-    int32_t gain_q48;   /* |gain| <= 2^-18: bias rates up to 0.19 rad/s at 50 kSa/s and g = 2 */
-    int32_t a1_q30;     /* (1 + r^2) cos w, upper part; w between 0.02 and 3.1 rad */
-    int32_t a1_low_q36; /* what rounding to Q30 left of a1, |.| <= 2^5 */
-    int32_t eps_q36;    /* 1 - r^2, 0 < eps < 2^-6 */
+    int32_t minus_gain_q48;   /* |gain| <= 2^-18: bias rates up to 0.19 rad/s at 50 kSa/s and g = 2 */
+    int32_t a1_q30;           /* (1 + r^2) cos w, upper part; w between 0.02 and 3.1 rad */
+    int32_t a1_low_q36;       /* what rounding to Q30 left of a1, |.| <= 2^5 */
+    int32_t minus_r2_q30;     /* -r^2, upper part; 1 - r^2 < 2^-6 */
+    int32_t minus_r2_low_q36; /* the rest, |.| <= 2^5 */
 };
 
 struct decoupler_state {
-    int64_t q1_q61, q2_q61;       /* last two of the recursion; |q| <= 1/2 by clamping */
+    int64_t next_q61;               /* what the next output owes to the past; |.| < 1.51, as |y| <= 1/2 by clamping */
+    int64_t after_q61;              /* what the one behind it will owe already; |.| < 0.51 */
     int32_t error1_q63, error2_q63; /* last two rounding errors of the output */
 };
 
@@ -60,49 +62,45 @@ bool decoupler_two_cosine(const struct decoupler_tuning *tuning, uint64_t freq_u
 int32_t decoupler_gain_q48(const struct decoupler_tuning *tuning, int32_t decay_per_s_q22, int32_t bias_rad_s_q31,
                            bool *overflow);
 
-#define DECOUPLER_LIMIT_HIGH INT32_C(0x0FF00000) /* upper word of |q| at the clamp: 1/2 - 2^-9 in Q29 */
-
-/* u + a1 q1 + eps q2, in sums of products of words: Q30 x Q29 = Q59 and Q36 x Q29 = Q65.
- * Range: |q| <= 2^60, so |high| <= 2^28 and |low| <= 2^31; |a1| < 2 in Q30.
- *   low words:  (2^31 2^31 >> 32) + (2^30 2^31 >> 38) <= 2^30 + 2^23 in Q59
- *   Q59:        2^31 2^28 + 2^30 + 2^23, and u <= 2^30 2^31 >> 20 = 2^41; together < 2^60, and times 4 < 2^62
- *   Q65:        2^5 2^28 + 2^30 2^28 < 2^59, shifted to Q61 < 2^55
- * Floors: three units of 2^-59, one of 2^-61. */
-static inline int64_t decoupler_sum_q61(const struct decoupler_coefs *coefs, const struct decoupler_state *state, int32_t primary_q31)
-{
-    struct fixed_words q1 = fixed_words(state->q1_q61);
-    struct fixed_words q2 = fixed_words(state->q2_q61);
-    int32_t low_q59 = fixed_mul_high_floor(coefs->a1_q30, q1.low) + (fixed_mul_high_floor(coefs->eps_q36, q2.low) >> 6);
-    int64_t fine_q65 = (int64_t)coefs->a1_low_q36 * q1.high + (int64_t)coefs->eps_q36 * q2.high;
-    int64_t sum_q59 = (((int64_t)coefs->gain_q48 * primary_q31) >> 20) + low_q59;
-    sum_q59 += (int64_t)coefs->a1_q30 * q1.high;
-    return sum_q59 * 4 + (fine_q65 >> 4);
-}
-
-/* Rounds to Q31. Range: |value| <= 2 (1/2 - 2^-9) in Q61, |fed back| <= 2^30 + 2^29, so the result is below 2^31 (1 - 2^-8) + 2. */
-static inline int32_t decoupler_round(int32_t a1_q30, struct decoupler_state *state, int64_t value_q61)
-{
-    int32_t fed_back_q61 = fixed_mul_high_floor(a1_q30, state->error1_q63) - (state->error2_q63 >> 2);
-    int64_t wanted_q61 = value_q61 + fed_back_q61;
-    state->error2_q63 = state->error1_q63;
-    state->error1_q63 = (int32_t)((uint32_t)wanted_q61 << 2); /* what lies below the rounded Q31, signed */
-    return (int32_t)fixed_round_shift(wanted_q61, 30);
-}
+#define DECOUPLER_LIMIT_HIGH INT32_C(0x10000000) /* upper word of y at the clamp: 1/2 in Q29 */
 
 /* One sample: primary pickoff in, what to subtract from the secondary pickoff out, both Q31.
- * Range: sum < 2^62 + 2^55, q2 <= 2^60, so q stays below 2^63 before it is clamped. */
+ * The output word and the rest of y, both signed, are what the recursion multiplies: Q30 x Q31, Q30 x Q61 and Q36 x Q23 (what rounding left of a
+ * coefficient meets the upper bits only). Range:
+ *   input:     2^30 2^31 >> 18 = 2^43
+ *   y:         |next| < 1.51 2^61 and the input fit 2^62; clamped to 2^60 = 1/2
+ *   fed back:  |errors| <= 2^29 in Q61, so below 3 2^29, plus half a unit: 2^31
+ *   out, rest: |out| <= 2^30 + 2; rest = error - fed back, within 4 2^29 = 2^31
+ *   low words: 2^31 2^31 >> 32 = 2^30 and 2^5 2^22 in Q59, times 4 below 2^33 in Q61
+ *   next:      |after| + 2^31 2^30 + 2^33 < 0.51 2^61 + 1.0001 2^61
+ * Floors: two units of 2^-59, and 2^-23 of what rounding left of the coefficients, 2^-54. */
 static inline int32_t decoupler_step(const struct decoupler_coefs *coefs, struct decoupler_state *state, int32_t primary_q31,
                                      bool *overflow)
 {
-    int64_t q2_q61 = state->q2_q61;
-    int64_t q_q61 = decoupler_sum_q61(coefs, state, primary_q31) - q2_q61;
-    if ((uint32_t)fixed_high_word(q_q61) + (uint32_t)DECOUPLER_LIMIT_HIGH >= 2 * (uint32_t)DECOUPLER_LIMIT_HIGH) {
-        q_q61 = (q_q61 < 0 ? -INT64_C(1) : INT64_C(1)) * DECOUPLER_LIMIT_HIGH * (INT64_C(1) << 32);
+    int32_t a1_q30 = coefs->a1_q30;
+    int64_t minus_input_q61 = ((int64_t)coefs->minus_gain_q48 * primary_q31) >> 18;
+    int64_t y_q61 = state->next_q61 - minus_input_q61;
+    int32_t high = fixed_high_word(y_q61), limited = high;
+    limited = limited < -DECOUPLER_LIMIT_HIGH ? -DECOUPLER_LIMIT_HIGH : limited;
+    limited = limited > DECOUPLER_LIMIT_HIGH - 1 ? DECOUPLER_LIMIT_HIGH - 1 : limited;
+    if (limited != high) {
         *overflow = true;
     }
-    state->q2_q61 = state->q1_q61;
-    state->q1_q61 = q_q61;
-    return decoupler_round(coefs->a1_q30, state, q_q61 - q2_q61);
+    y_q61 = (int64_t)(((uint64_t)(uint32_t)limited << 32) | (uint32_t)y_q61);
+    int32_t last_q63 = state->error1_q63;
+    int32_t fed_back_q61 = fixed_mul_high_floor(a1_q30, last_q63) - (state->error2_q63 >> 2) + (INT32_C(1) << 29);
+    int64_t wanted_q61 = y_q61 + fed_back_q61;
+    int32_t out_q31 = fixed_middle_word(wanted_q61, 30);
+    int32_t rest_q61 = (int32_t)((uint32_t)y_q61 - ((uint32_t)out_q31 << 30));
+    state->error1_q63 = (int32_t)(((uint32_t)wanted_q61 << 2) ^ UINT32_C(0x80000000));
+    state->error2_q63 = last_q63;
+    int32_t coarse_q23 = out_q31 >> 8;
+    int32_t low_q59 = fixed_mul_high_floor(a1_q30, rest_q61) + coefs->a1_low_q36 * coarse_q23;
+    state->next_q61 = state->after_q61 + fixed_times_4(low_q59) + (int64_t)a1_q30 * out_q31;
+    int32_t minus_r2_q30 = coefs->minus_r2_q30;
+    low_q59 = fixed_mul_high_floor(minus_r2_q30, rest_q61) + coefs->minus_r2_low_q36 * coarse_q23;
+    state->after_q61 = minus_input_q61 + fixed_times_4(low_q59) + (int64_t)minus_r2_q30 * out_q31;
+    return out_q31;
 }
 
 #endif

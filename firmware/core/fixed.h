@@ -19,6 +19,18 @@ static inline int32_t fixed_high_word(int64_t value)
     return (int32_t)(uint32_t)((uint64_t)value >> 32);
 }
 
+/* Lower 32 bits of value >> shift, 1 <= shift <= 31. From words, so that 32-bit compilers go on seeing 32 bits where they know the range. */
+static inline int32_t fixed_middle_word(int64_t value, unsigned shift)
+{
+    return (int32_t)(((uint32_t)value >> shift) | ((uint32_t)fixed_high_word(value) << (32 - shift)));
+}
+
+/* 4 value, from words for the same reason. */
+static inline int64_t fixed_times_4(int32_t value)
+{
+    return (int64_t)(((uint64_t)(uint32_t)(value >> 30) << 32) | ((uint32_t)value << 2));
+}
+
 /* Clamp to 32 bit; *overflow is set (never cleared) when the value did not fit: when its upper word is not the lower one's sign. */
 static inline int32_t fixed_saturate_i32(int64_t value, bool *overflow)
 {
@@ -54,6 +66,42 @@ static inline struct fixed_words fixed_words(int64_t value)
 {
     int32_t low = (int32_t)(uint32_t)value;
     return (struct fixed_words){fixed_high_word(value) - (low >> 31), low};
+}
+
+/* *sum = a + b modulo 2^32; true when the sum itself does not fit. One instruction and a branch where the compiler knows how. */
+static inline bool fixed_add_wraps(int32_t a, int32_t b, int32_t *sum)
+{
+#if defined(__GNUC__)
+    return __builtin_add_overflow(a, b, sum);
+#else
+    *sum = (int32_t)((uint32_t)a + (uint32_t)b);
+    return ((a ^ *sum) & (b ^ *sum)) < 0;
+#endif
+}
+
+/* The same for a - b. */
+static inline bool fixed_sub_wraps(int32_t a, int32_t b, int32_t *difference)
+{
+#if defined(__GNUC__)
+    return __builtin_sub_overflow(a, b, difference);
+#else
+    *difference = (int32_t)((uint32_t)a - (uint32_t)b);
+    return ((a ^ b) & (a ^ *difference)) < 0;
+#endif
+}
+
+/* Leading zeros, value != 0. */
+static inline unsigned fixed_leading_zeros(uint32_t value)
+{
+#if defined(__GNUC__)
+    return (unsigned)__builtin_clz(value);
+#else
+    unsigned zeros = 0;
+    for (; value < UINT32_C(0x80000000); value <<= 1) {
+        zeros++;
+    }
+    return zeros;
+#endif
 }
 
 /* Upper half of the product, Qa x Qb -> Q(a+b-32), floored: within half a unit more than fixed_mul_high, one instruction less. */

@@ -140,12 +140,13 @@ struct gyro_state {
     struct phasor_q30 drive_lead;                 /* 90 degrees plus the loop delay at the present frequency */
     struct phasor_q30 demodulation;               /* angle by which the secondary amplitude is turned back: minus its lag */
     struct gyro_force drive_force, rebalance_force;
+    uint32_t dac_mask;                            /* 2^dac_shift - 1: bits that a left-justified code does not have */
     int32_t two_cos_q30;                          /* of the oscillator's angle per sample, for the DAC shapers */
     int32_t temperature_shift_q20;
     int32_t bias_rad_s_q31, scale_rad_s_q28, decay_per_s_q22, drive_phase_rad_q31; /* at the last temperature */
     int32_t bias_at_tick_q31;                     /* polynomial at the last slow tick; bias_rad_s_q31 moves on from it */
     int32_t bias_step_q31;                        /* expected change of the bias per loop tick */
-    uint32_t loop_slot;                           /* samples since the last loop tick */
+    uint32_t loop_slot;                           /* of the next sample: samples since the last loop tick */
     uint32_t slow_slot;                           /* loop ticks since the last slow tick */
     uint32_t blank_ticks;                         /* loop ticks to wait after a jump of the oscillator */
     uint32_t lock_ticks, silent_ticks;

@@ -57,7 +57,7 @@ static void add_amplitude(struct gyro_sum *sum, struct complex_q30 amplitude)
 static void follow_bias(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
     state->bias_rad_s_q31 = fixed_saturate_i32((int64_t)state->bias_rad_s_q31 + state->bias_step_q31, &state->overflow);
-    state->decoupler_coefs.gain_q48 = decoupler_gain_q48(&cfg->tuning, state->decay_per_s_q22, state->bias_rad_s_q31, &state->overflow);
+    state->decoupler_coefs.minus_gain_q48 = -decoupler_gain_q48(&cfg->tuning, state->decay_per_s_q22, state->bias_rad_s_q31, &state->overflow);
 }
 
 static void measure_amplitudes(const struct gyro_cfg *cfg, struct gyro_state *state)
@@ -192,16 +192,23 @@ static void watch_lock(const struct gyro_cfg *cfg, struct gyro_state *state)
     }
 }
 
-void gyro_loop_task(const struct gyro_cfg *cfg, struct gyro_state *state)
+void gyro_loop_tick(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
-    switch (state->loop_slot) {
+    state->loop_slot = 0;
+    state->slow_slot++;
+    if (state->slow_slot >= cfg->loops_per_slow) {
+        state->slow_slot = 0;
+    }
+    measure_amplitudes(cfg, state);
+}
+
+void gyro_loop_task(const struct gyro_cfg *cfg, struct gyro_state *state, uint32_t slot)
+{
+    switch (slot) {
     case 0:
-        measure_amplitudes(cfg, state);
-        break;
-    case 1:
         state->primary_polar = polar_from_complex(state->primary);
         break;
-    case 2:
+    case 1:
         run_drive(cfg, state);
         watch_lock(cfg, state);
         break;

@@ -58,6 +58,7 @@ static void retune(const struct gyro_cfg *cfg, struct gyro_state *state)
                                            state->bias_rad_s_q31, &state->decoupler_coefs);
     (void)decoupler_two_cosine(&cfg->tuning, state->oscillator.freq_u64, &state->two_cos_q30);
     state->drive_lead = gyro_drive_lead(cfg, state);
+    state->dac_mask = (UINT32_C(1) << cfg->dac_shift) - 1;
     select_mode(cfg, state);
 }
 
@@ -167,9 +168,9 @@ static void publish(const struct gyro_cfg *cfg, struct gyro_state *state)
     state->overflow = false;
 }
 
-bool gyro_slow_task(const struct gyro_cfg *cfg, struct gyro_state *state, int32_t thermometer_raw)
+bool gyro_slow_task(const struct gyro_cfg *cfg, struct gyro_state *state, uint32_t slot, int32_t thermometer_raw)
 {
-    switch (state->loop_slot) {
+    switch (slot) {
     case GYRO_LOOP_TASKS:
         compute_rate(cfg, state);
         return false;

@@ -5,13 +5,16 @@
 #include "core/fixed.h"
 #include "core/gyro.h"
 
-#define GYRO_LOOP_TASKS 4u /* slots 0 to 3 of every loop tick belong to the loops; those behind to the rate, once a slow period */
+#define GYRO_LOOP_TASKS 3u /* slots 0 to 2 after every loop tick belong to the loops; those behind to the rate, once a slow period */
 
-/* Task of slot state->loop_slot < GYRO_LOOP_TASKS. */
-void gyro_loop_task(const struct gyro_cfg *cfg, struct gyro_state *state);
+/* The last slot: the window of the lock-ins is full. Begins the next one. */
+void gyro_loop_tick(const struct gyro_cfg *cfg, struct gyro_state *state);
 
-/* Task of a later slot of the first loop tick of a slow period; true when `signals` has just been published. */
-bool gyro_slow_task(const struct gyro_cfg *cfg, struct gyro_state *state, int32_t thermometer_raw);
+/* Task of a slot < GYRO_LOOP_TASKS. */
+void gyro_loop_task(const struct gyro_cfg *cfg, struct gyro_state *state, uint32_t slot);
+
+/* Task of a later slot after the first loop tick of a slow period; true when `signals` has just been published. */
+bool gyro_slow_task(const struct gyro_cfg *cfg, struct gyro_state *state, uint32_t slot, int32_t thermometer_raw);
 
 /* Phasor of 90 degrees plus the loop delay and the phase correction, at the present frequency. */
 struct phasor_q30 gyro_drive_lead(const struct gyro_cfg *cfg, const struct gyro_state *state);

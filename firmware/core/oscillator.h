@@ -22,30 +22,22 @@ struct oscillator_state {
 extern const struct phasor_q30 oscillator_table[1 << OSCILLATOR_TABLE_BITS];
 
 /* Both outputs within 9e-6 of the exact values over the whole turn (promise `oscillator`, docs/NUMBERS.md).
- * Range: d = distance from the nearest table point, |d| <= pi/128 = 0.0246 rad; in Q33 |d| < 2^28.
- *   rotation term t d:      |t| <= 2^30, Q30 x Q33 >> 32 = Q31, |.| < 2^26
- *   curvature term t d^2/2: d^2 in Q34 (Q66 >> 32), |.| < 2^24; Q30 x Q34 >> 32 = Q32, halved on the way
- * so the sum stays within 2^30 (1 + 3e-6) < 2^31. */
+ * Range: d = distance from the nearest table point, |d| <= pi/128 = 0.0246 rad; in Q35 |d| < 2^30. Half the rotation, t d / 2, turns the
+ * point to the middle of the way; that middle times d is the way itself, second order included:
+ *   cosine - d (sine + cosine d / 2),   sine + d (cosine - sine d / 2)
+ * Q30 x Q35 >> 32 = Q33, so the products stay below 2^28 and the sums within 2^30 (1 + 3e-6) < 2^31. */
 static inline struct phasor_q30 oscillator_phasor(uint32_t phase_u32)
 {
     uint32_t rounded = phase_u32 + (UINT32_C(1) << (31 - OSCILLATOR_TABLE_BITS));
-    const struct phasor_q30 *point = &oscillator_table[rounded >> (32 - OSCILLATOR_TABLE_BITS)];
-    /* Distance in turns, 2^32 = one turn, -2^24 <= offset < 2^24: what lies below the table's step, with its top bit as the sign. */
-    int32_t offset = (int32_t)(phase_u32 << OSCILLATOR_TABLE_BITS) >> OSCILLATOR_TABLE_BITS;
-    /* 2 pi in Q28 times offset 2^5 (Q37 turns) >> 32 = Q33 rad. */
-    int32_t d_q33 = fixed_mul_high_floor(offset * 32, INT32_C(1686629713));
-    int32_t half_d2_q34 = fixed_mul_high_floor(d_q33, d_q33) >> 1;
-    int32_t cosine = point->cosine_q30;
-    int32_t sine = point->sine_q30;
-    int32_t rotate_cosine_q31 = fixed_mul_high_floor(sine, d_q33);
-    int32_t rotate_sine_q31 = fixed_mul_high_floor(cosine, d_q33);
-    int32_t bend_cosine_q32 = fixed_mul_high_floor(cosine, half_d2_q34);
-    int32_t bend_sine_q32 = fixed_mul_high_floor(sine, half_d2_q34);
-    struct phasor_q30 result = {
-        cosine - (rotate_cosine_q31 >> 1) - (bend_cosine_q32 >> 2),
-        sine + (rotate_sine_q31 >> 1) - (bend_sine_q32 >> 2),
+    struct phasor_q30 point = oscillator_table[rounded >> (32 - OSCILLATOR_TABLE_BITS)];
+    /* What lies below the table's step, with its top bit as the sign: Q39 of a turn. Times 2 pi in Q28 >> 32 = Q35 rad. */
+    int32_t d_q35 = fixed_mul_high_floor((int32_t)(phase_u32 << OSCILLATOR_TABLE_BITS), INT32_C(1686629713));
+    int32_t middle_sine_q30 = point.sine_q30 + (fixed_mul_high_floor(point.cosine_q30, d_q35) >> 4);
+    int32_t middle_cosine_q30 = point.cosine_q30 - (fixed_mul_high_floor(point.sine_q30, d_q35) >> 4);
+    return (struct phasor_q30){
+        point.cosine_q30 - (fixed_mul_high_floor(middle_sine_q30, d_q35) >> 3),
+        point.sine_q30 + (fixed_mul_high_floor(middle_cosine_q30, d_q35) >> 3),
     };
-    return result;
 }
 
 /* Advance by one sample; returns the phase after the step. Phases are modular: wrapping is their arithmetic. */

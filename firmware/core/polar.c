@@ -1,102 +1,96 @@
 #include "core/polar.h"
 
 #include "core/fixed.h"
+#include "core/oscillator.h"
 
-#define ITERATIONS 5                             /* leave a tangent below 2^-4 for the series */
-#define INVERSE_GAIN_Q31 INT32_C(1304914694)     /* product of cos(atan 2^-k) = 0.6076482563 */
-#define THIRD_Q32 INT32_C(1431655765)            /* 1/3 */
-#define FIFTH_Q31 INT32_C(429496730)             /* 1/5 */
-#define EIGHTH_OF_INVERSE_PI_Q32 INT32_C(170891319) /* rad in Q34 to 2^32 a turn */
+#define OCTANT_AT_TANGENT_Q12 88318u     /* angle in steps of the oscillator's table, 0 .. 16, is t (21.562 - 5.5625 t) to 0.08 of a step */
+#define OCTANT_CURVATURE_Q4 89u
+#define THIRD_Q32 INT32_C(1431655765)    /* 1/3 */
+#define RAD_TO_TURNS INT32_C(683565276)  /* 2^32 / 2 pi */
 
-/* atan(2^-k), 2^32 = one turn. */
-static const int32_t angle_table[ITERATIONS] = {536870912, 316933406, 167458907, 85004756, 42667331};
+/* A vector in the first octant, the larger part within [2^29, 2^30). */
+struct folded {
+    uint32_t x, y;
+};
+
+/* A vector turned to within 0.0285 rad of the axis: x as it is, y with five more bits. */
+struct turned {
+    int32_t x, y_q5;
+};
 
 static uint32_t absolute(int32_t value)
 {
     return value < 0 ? 0u - (uint32_t)value : (uint32_t)value;
 }
 
-/* Left shift that brings the larger part into [2^28, 2^29); negative: right. Range: -3 .. 28 for parts that are not both zero. */
-static int normalising_shift(struct complex_q30 value)
+/* The nearest point of the oscillator's table. Range: y < 2^30, x >> 12 >= 2^17, so t <= 2^12 (1 + 2^-17); 2^12 88318 < 2^29. */
+static uint32_t nearest_step(struct folded vector)
 {
-    uint32_t i = absolute(value.i_q30), q = absolute(value.q_q30);
-    uint32_t larger = i > q ? i : q;
-    int shift = 0;
-    for (; larger >= UINT32_C(1) << 29; larger >>= 1) {
-        shift--;
-    }
-    for (; larger < UINT32_C(1) << 28; larger <<= 1) {
-        shift++;
-    }
-    return shift;
+    uint32_t t_q12 = vector.y / (vector.x >> 12);
+    uint32_t steps_q24 = t_q12 * (OCTANT_AT_TANGENT_Q12 - ((t_q12 * OCTANT_CURVATURE_Q4) >> 4));
+    return (steps_q24 + (1u << 23)) >> 24;
 }
 
-/* Range: |value| < 2^29 afterwards, by the choice of the shift. */
-static int32_t shifted(int32_t value, int shift)
+/* Range: x < 2^30 sqrt(2) in Q60, |y| < 0.0285 2^60.5 = 2^55.4. All four factors are positive: the point lies in the first octant, too. */
+static struct turned turn_back(struct folded vector, struct phasor_q30 point)
 {
-    return shift < 0 ? value >> -shift : value * (INT32_C(1) << shift);
+    uint32_t cosine_q30 = (uint32_t)point.cosine_q30, sine_q30 = (uint32_t)point.sine_q30;
+    uint64_t x_q30 = (uint64_t)vector.x * cosine_q30 + (uint64_t)vector.y * sine_q30;
+    uint64_t y_q30 = (uint64_t)vector.y * cosine_q30 - (uint64_t)vector.x * sine_q30;
+    return (struct turned){fixed_middle_word((int64_t)x_q30, 30), fixed_middle_word((int64_t)y_q30, 25)};
 }
 
-/* Back again, rounded. Range: value < 2^29.6, so up to 2^32.6 before saturation. */
-static int32_t unshifted(int32_t value, int shift)
+/* y / x. A hardware division gives 14 bits of 1/x, the remainder of the quotient another 14. Range: x in [0.9995 2^29, 2^30.5), so
+ * 2^59 / x < 2^30.1; |t| < 0.0285; the remainder is below 2^-13 of y, 2^44 in Q32, 2^31 in Q19. */
+static int32_t tangent_q32(struct turned vector)
 {
-    bool clamped = false;
-    return shift > 0 ? (int32_t)fixed_round_shift(value, (unsigned)shift)
-                     : fixed_saturate_i32((int64_t)value * (INT64_C(1) << -shift), &clamped);
+    int32_t reciprocal_q59 = (int32_t)((UINT32_C(0xFFFFFFFF) / ((uint32_t)vector.x >> 15)) << 12);
+    int32_t first_q32 = fixed_mul_high_floor(vector.y_q5, reciprocal_q59);
+    int64_t rest_q32 = (int64_t)vector.y_q5 * (INT32_C(1) << 27) - (int64_t)first_q32 * vector.x;
+    return first_q32 + (fixed_mul_high_floor(fixed_middle_word(rest_q32, 13), reciprocal_q59) >> 14);
 }
 
-static int32_t with_sign(int32_t value, int32_t sign)
+/* t - t^3/3, 2^32 = one turn; left out: t^5/5 < 4e-9 rad. */
+static uint32_t arctangent_u32(int32_t t_q32, int32_t t2_q32)
 {
-    return (value ^ sign) - sign; /* sign is 0 or -1 */
+    int32_t angle_q32 = t_q32 - fixed_mul_high_floor(t_q32, fixed_mul_high_floor(t2_q32, THIRD_Q32));
+    return (uint32_t)fixed_mul_high(angle_q32, RAD_TO_TURNS);
 }
 
-/* y / x. Range: x in [2^28.7, 2^30.3), doubled if below 2^29 for the reciprocal; |y| <= 2^-4 x, so the quotient in Q60 is at most 2^56. */
-static int32_t tangent_q34(int32_t x, int32_t y)
+/* x sqrt(1 + t^2) = x (1 + t^2/2 - t^4/8); left out: t^6/16 < 4e-11. */
+static int32_t length(int32_t x, int32_t t2_q32)
 {
-    int small = x < (INT32_C(1) << 29);
-    int64_t quotient_q60 = (int64_t)y * fixed_reciprocal_q60((uint32_t)x << small) * (1 + small);
-    return (int32_t)(quotient_q60 >> 26);
-}
-
-/* t - t^3/3 + t^5/5; left out: t^7/7 < 2^-30. Range: t^2 <= 2^-8, 2^28 in Q36; their product with 1/3 in Q36 < 2^26.5. */
-static int32_t arctangent_i32(int32_t t_q34, int32_t t2_q36)
-{
-    int32_t bracket_q32 = THIRD_Q32 - (fixed_mul_high_floor(t2_q36, FIFTH_Q31) >> 3); /* 1/3 - t^2/5 */
-    int32_t less_q36 = fixed_mul_high_floor(t2_q36, bracket_q32);
-    int32_t angle_q34 = t_q34 - (fixed_mul_high_floor(t_q34, less_q36) >> 4);
-    return fixed_mul_high(angle_q34, EIGHTH_OF_INVERSE_PI_Q32);
-}
-
-/* x sqrt(1 + t^2) = x (1 + t^2/2 - t^4/8); left out: t^6/16 < 4e-9. Range: x < 2^30.3, grows by 2^-9 at most. */
-static int32_t length(int32_t x, int32_t t2_q36)
-{
-    int32_t more_q32 = (t2_q36 >> 5) - (fixed_mul_high_floor(t2_q36, t2_q36) >> 11);
+    int32_t more_q32 = (t2_q32 >> 1) - (fixed_mul_high_floor(t2_q32, t2_q32) >> 3);
     return x + fixed_mul_high_floor(x, more_q32);
 }
 
-/* Range: both parts are below 2^29, so the length is below 2^29.5 and grows by 1.6458 to below 2^30.3; each shift floors by less than
- * one unit, 2^-28 of the length. */
+/* Undoes the shift to the left by `zeros` less two, rounded. Range: value < 2^30.6. */
+static int32_t unshifted(int32_t value, unsigned zeros)
+{
+    if (zeros > 2) {
+        unsigned shift = zeros - 2;
+        return (value + (INT32_C(1) << (shift - 1))) >> shift;
+    }
+    return value > INT32_MAX >> (2 - zeros) ? INT32_MAX : value * (INT32_C(1) << (2 - zeros));
+}
+
 struct polar polar_from_complex(struct complex_q30 value)
 {
-    struct polar result = {0, 0};
-    if (value.i_q30 == 0 && value.q_q30 == 0) {
-        return result;
+    uint32_t i = absolute(value.i_q30), q = absolute(value.q_q30);
+    bool steep = q > i;
+    uint32_t larger = steep ? q : i, smaller = steep ? i : q;
+    if (larger == 0) {
+        return (struct polar){0, 0};
     }
-    int shift = normalising_shift(value);
-    int32_t half_turn = value.i_q30 < 0 ? -1 : 0; /* brings the vector into the right half plane */
-    int32_t x = with_sign(shifted(value.i_q30, shift), half_turn);
-    int32_t y = with_sign(shifted(value.q_q30, shift), half_turn);
-    uint32_t angle = (uint32_t)half_turn << 31;
-    for (unsigned k = 0; k < ITERATIONS; k++) {
-        int32_t below = y < 0 ? -1 : 0;
-        int32_t x_next = x + with_sign(y >> k, below);
-        y -= with_sign(x >> k, below);
-        x = x_next;
-        angle += (uint32_t)with_sign(angle_table[k], below);
-    }
-    int32_t t_q34 = tangent_q34(x, y);
-    int32_t t2_q36 = fixed_mul_high_floor(t_q34, t_q34);
-    result.magnitude_q30 = unshifted(fixed_mul_q31(length(x, t2_q36), INVERSE_GAIN_Q31), shift);
-    result.angle_i32 = (int32_t)(angle + (uint32_t)arctangent_i32(t_q34, t2_q36));
-    return result;
+    unsigned zeros = fixed_leading_zeros(larger);
+    struct folded vector = {(larger << zeros) >> 2, (smaller << zeros) >> 2};
+    uint32_t step = nearest_step(vector);
+    struct turned turned = turn_back(vector, oscillator_table[step]);
+    int32_t t_q32 = tangent_q32(turned);
+    int32_t t2_q32 = fixed_mul_high_floor(t_q32, t_q32);
+    uint32_t angle = (step << (32 - OSCILLATOR_TABLE_BITS)) + arctangent_u32(t_q32, t2_q32);
+    angle = steep ? UINT32_C(0x40000000) - angle : angle;
+    angle = value.i_q30 < 0 ? UINT32_C(0x80000000) - angle : angle;
+    angle = value.q_q30 < 0 ? 0u - angle : angle;
+    return (struct polar){unshifted(length(turned.x, t2_q32), zeros), (int32_t)angle};
 }

@@ -1,4 +1,4 @@
-/* Magnitude and angle of a complex amplitude by CORDIC. */
+/* Magnitude and angle of a complex amplitude: turned by a point of the oscillator's table, then a series. */
 #ifndef WINEGLASS_CORE_POLAR_H
 #define WINEGLASS_CORE_POLAR_H
 

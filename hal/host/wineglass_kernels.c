@@ -47,9 +47,7 @@ int64_t wg_lockin_run(uint32_t decimation, uint64_t phase_u64, uint64_t freq_u64
     struct lockin_cfg cfg = {decimation, normalise_q31 > INT32_MAX ? INT32_MAX : (int32_t)normalise_q31};
     lockin_reset(&lockin);
     for (size_t i = 0; i < n; i++) {
-        struct phasor_q30 phasor = oscillator_phasor(oscillator_step(&oscillator));
-        struct lockin_reference reference = lockin_weigh(decimation, (uint32_t)(i % decimation), phasor);
-        lockin_step(&lockin, pickoff_q31[i], &reference);
+        lockin_step(&lockin, pickoff_q31[i], lockin_reference(oscillator_phasor(oscillator_step(&oscillator))));
         if ((i + 1) % decimation == 0) {
             struct complex_q30 amplitude = lockin_output(&cfg, &lockin);
             in_phase_q30[outputs] = amplitude.i_q30;
@@ -66,7 +64,7 @@ int64_t wg_decoupler_run(const int64_t *tuning, uint64_t freq_u64, int32_t decay
     const struct decoupler_tuning constants = {
         (uint64_t)tuning[0], tuning[1], (int32_t)tuning[2], (int32_t)tuning[3], (int32_t)tuning[4], (int32_t)tuning[5],
     };
-    struct decoupler_coefs coefs = {0, 0, 0, 0};
+    struct decoupler_coefs coefs;
     struct decoupler_state state;
     int64_t clamped = 0;
     if (!decoupler_retune(&constants, freq_u64, decay_per_s_q22, bias_rad_s_q31, &coefs)) {

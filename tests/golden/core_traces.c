@@ -66,9 +66,8 @@ static void trace_lockin(void)
     struct oscillator_state oscillator = {0, UINT64_C(0x199A2B3C4D5E6F70)};
     lockin_reset(&state);
     for (int n = 1; n <= 100000; n++) {
-        struct phasor_q30 phasor = oscillator_phasor(oscillator_step(&oscillator));
-        struct lockin_reference reference = lockin_weigh(10, (uint32_t)(n - 1) % 10, phasor);
-        lockin_step(&state, random_wide_i32(&random), &reference);
+        struct lockin_reference reference = lockin_reference(oscillator_phasor(oscillator_step(&oscillator)));
+        lockin_step(&state, random_wide_i32(&random), reference);
         if (n % 10 == 0) {
             struct complex_q30 out = lockin_output(&cfg, &state);
             trace_add(&in_phase, out.i_q30);
@@ -88,13 +87,14 @@ static void trace_decoupler(void)
     bool overflow = false;
     decoupler_reset(&state);
     for (int retune = 0; retune < 1000; retune++) {
-        struct decoupler_coefs coefs = {0, 0, 0, 0};
+        struct decoupler_coefs coefs = {0, 0, 0, 0, 0};
         uint64_t freq = tuning.center_freq_u64 + (uint64_t)((int64_t)random_u64(&random) >> 9);
         trace_add(&words, decoupler_retune(&tuning, freq, 1 << (12 + retune % 18), random_wide_i32(&random) >> 8, &coefs));
-        trace_add(&words, coefs.gain_q48);
+        trace_add(&words, coefs.minus_gain_q48);
         trace_add(&words, coefs.a1_q30);
         trace_add(&words, coefs.a1_low_q36);
-        trace_add(&words, coefs.eps_q36);
+        trace_add(&words, coefs.minus_r2_q30);
+        trace_add(&words, coefs.minus_r2_low_q36);
         for (int n = 0; n < 100; n++) {
             trace_add(&out, decoupler_step(&coefs, &state, random_i32(&random), &overflow));
         }
@@ -206,8 +206,8 @@ static void trace_shaper_and_test_signal(void)
     struct test_signal_state signal = {0};
     bool saturated = false;
     for (int n = 0; n < 20000; n++) {
-        unsigned shift = (unsigned)(n / 1000);
-        trace_add(&codes, dac_shaper_step(&shaper, random_wide_i32(&random), 1737350767, shift, &saturated));
+        uint32_t mask = (UINT32_C(1) << (n / 1000)) - 1;
+        trace_add(&codes, dac_shaper_step(&shaper, random_wide_i32(&random), 1737350767, mask, &saturated));
         trace_add(&codes, saturated);
         struct test_signal_force force = test_signal_step(&cfg, &signal);
         trace_add(&forces, force.in_phase_q31);

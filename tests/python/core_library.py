@@ -82,7 +82,7 @@ class Coefficients:
 
     @property
     def gain(self) -> np.longdouble:
-        return np.longdouble(self.words[0]) / 2**48
+        return -np.longdouble(self.words[0]) / 2**48
 
     @property
     def a1(self) -> np.longdouble:
@@ -90,11 +90,11 @@ class Coefficients:
 
     @property
     def eps(self) -> np.longdouble:
-        return np.longdouble(self.words[3]) / 2**36
+        return 1 + np.longdouble(self.words[3]) / 2**30 + np.longdouble(self.words[4]) / 2**36
 
 
 def retune(freq_hz: float, quality: float, bias_rad_s: float, center_hz: float | None = None) -> Coefficients:
-    words = np.zeros(4, np.int32)
+    words = np.zeros(5, np.int32)
     decay = round(np.pi * freq_hz / quality * 2**22)
     accepted = library().core_retune(SAMPLE_RATE_HZ, center_hz or freq_hz, freq_hz, decay, round(bias_rad_s * 2**31),
                                      pointer(words, "int32_t"))

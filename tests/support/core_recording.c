@@ -36,31 +36,31 @@ int core_record(const struct fixture_device *device, uint64_t seed, size_t settl
     return samples[0].status & GYRO_STATUS_LOCKED ? 0 : -1;
 }
 
-int core_decoupler(const int32_t coefs[4], const int32_t *primary_q31, size_t count, int32_t *out_q31, int64_t *out_q61)
+int core_decoupler(const int32_t coefs[5], const int32_t *primary_q31, size_t count, int32_t *out_q31, int64_t *out_q61)
 {
-    struct decoupler_coefs words = {coefs[0], coefs[1], coefs[2], coefs[3]};
+    struct decoupler_coefs words = {coefs[0], coefs[1], coefs[2], coefs[3], coefs[4]};
     struct decoupler_state state;
     bool overflow = false;
     decoupler_reset(&state);
     for (size_t n = 0; n < count; n++) {
-        int64_t two_back = state.q2_q61;
+        out_q61[n] = state.next_q61 - (((int64_t)words.minus_gain_q48 * primary_q31[n]) >> 18);
         out_q31[n] = decoupler_step(&words, &state, primary_q31[n], &overflow);
-        out_q61[n] = state.q1_q61 - two_back;
     }
     return overflow;
 }
 
 int core_retune(double sample_rate_hz, double center_freq_hz, double freq_hz, int32_t decay_per_s_q22, int32_t bias_rad_s_q31,
-                int32_t coefs[4])
+                int32_t coefs[5])
 {
     struct decoupler_tuning tuning = fixture_tuning(sample_rate_hz, center_freq_hz, 2.0);
-    struct decoupler_coefs words = {0, 0, 0, 0};
+    struct decoupler_coefs words = {0, 0, 0, 0, 0};
     uint64_t freq_u64 = (uint64_t)(freq_hz / sample_rate_hz * 18446744073709551616.0);
     bool accepted = decoupler_retune(&tuning, freq_u64, decay_per_s_q22, bias_rad_s_q31, &words);
-    coefs[0] = words.gain_q48;
+    coefs[0] = words.minus_gain_q48;
     coefs[1] = words.a1_q30;
     coefs[2] = words.a1_low_q36;
-    coefs[3] = words.eps_q36;
+    coefs[3] = words.minus_r2_q30;
+    coefs[4] = words.minus_r2_low_q36;
     return accepted;
 }
 

@@ -22,11 +22,11 @@ struct recorded_sample {
 int core_record(const struct fixture_device *device, uint64_t seed, size_t settle, size_t count, struct recorded_sample *samples);
 
 /* Decoupler from rest with given coefficients (gain, a1, a1 low, eps): rounded output and exact output before rounding (Q61). */
-int core_decoupler(const int32_t coefs[4], const int32_t *primary_q31, size_t count, int32_t *out_q31, int64_t *out_q61);
+int core_decoupler(const int32_t coefs[5], const int32_t *primary_q31, size_t count, int32_t *out_q31, int64_t *out_q61);
 
 /* Tuning of fixture_tuning(); returns 0 when refused. */
 int core_retune(double sample_rate_hz, double center_freq_hz, double freq_hz, int32_t decay_per_s_q22, int32_t bias_rad_s_q31,
-                int32_t coefs[4]);
+                int32_t coefs[5]);
 
 /* Output filter settled at zero. */
 void core_output_filter(uint32_t choice, const int32_t *values, size_t count, int32_t *out);

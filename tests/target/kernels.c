@@ -17,8 +17,7 @@
 #define KERNEL __attribute__((noinline, noclone, used))
 
 struct phasor_q30 cost_cosine_sine(uint32_t phase_u32);
-void cost_lockin_pair(struct lockin_state pair[2], int32_t primary_q31, int32_t secondary_q31, const struct phasor_q30 *reference,
-                      uint32_t position);
+void cost_lockin_pair(struct lockin_state pair[2], int32_t primary_q31, int32_t secondary_q31, const struct phasor_q30 *phasor);
 int32_t cost_decoupler(const struct decoupler_coefs *coefs, struct decoupler_state *state, int32_t primary_q31, bool *overflow);
 int32_t cost_dac_shaper(struct dac_shaper_state *state, int32_t force_q31, int32_t two_cos_q30, bool *saturated);
 
@@ -50,12 +49,11 @@ KERNEL struct phasor_q30 cost_cosine_sine(uint32_t phase_u32)
     return oscillator_phasor(phase_u32);
 }
 
-KERNEL void cost_lockin_pair(struct lockin_state pair[2], int32_t primary_q31, int32_t secondary_q31,
-                             const struct phasor_q30 *reference, uint32_t position)
+KERNEL void cost_lockin_pair(struct lockin_state pair[2], int32_t primary_q31, int32_t secondary_q31, const struct phasor_q30 *phasor)
 {
-    struct lockin_reference weighed = lockin_weigh(10, position, *reference);
-    lockin_step(&pair[0], primary_q31, &weighed);
-    lockin_step(&pair[1], secondary_q31, &weighed);
+    struct lockin_reference reference = lockin_reference(*phasor);
+    lockin_step(&pair[0], primary_q31, reference);
+    lockin_step(&pair[1], secondary_q31, reference);
 }
 
 KERNEL int32_t cost_decoupler(const struct decoupler_coefs *coefs, struct decoupler_state *state, int32_t primary_q31, bool *overflow)
@@ -65,7 +63,7 @@ KERNEL int32_t cost_decoupler(const struct decoupler_coefs *coefs, struct decoup
 
 KERNEL int32_t cost_dac_shaper(struct dac_shaper_state *state, int32_t force_q31, int32_t two_cos_q30, bool *saturated)
 {
-    return dac_shaper_step(state, force_q31, two_cos_q30, 16, saturated);
+    return dac_shaper_step(state, force_q31, two_cos_q30, 0xFFFF, saturated);
 }
 
 static void every_sample(void)
@@ -73,9 +71,9 @@ static void every_sample(void)
     static struct lockin_state lockin[2];
     static struct decoupler_state decoupler;
     static struct dac_shaper_state shaper;
-    struct decoupler_coefs coefs = {random_i32(31), random_i32(31), random_i32(6), (int32_t)(random_u32() >> 3) + 1};
-    struct phasor_q30 reference = cost_cosine_sine(random_u32());
-    cost_lockin_pair(lockin, random_i32(32) >> 12, random_i32(32) >> 12, &reference, random_u32() % 10);
+    struct decoupler_coefs coefs = {random_i32(31), random_i32(31), random_i32(6), (int32_t)(random_u32() >> 8) - (1 << 30), random_i32(6)};
+    struct phasor_q30 phasor = cost_cosine_sine(random_u32());
+    cost_lockin_pair(lockin, random_i32(32) >> 12, random_i32(32) >> 12, &phasor);
     sink = cost_decoupler(&coefs, &decoupler, random_i32(32), &flag);
     sink = cost_dac_shaper(&shaper, random_i32(32), random_i32(32), &flag);
 }
@@ -97,7 +95,7 @@ static void every_loop_tick(void)
     struct polar polar = polar_from_complex(random_complex(1 + (random_u32() % 31)));
     drive_loop_step(&drive_cfg, &drive, polar);
     rebalance_step(&rebalance_cfg, &rebalance, random_complex(31));
-    lockin.in_phase.rising_q52 = (int64_t)random_i32(32) << 26;
+    lockin.in_phase.ramp_q52 = (int64_t)random_i32(32) << 26;
     sink = lockin_output(&lockin_cfg, &lockin).i_q30;
 }
 

@@ -243,12 +243,15 @@ static void numbers_that_no_range_proof_allows_are_refused(void)
         int64_t value;
         bool wide;
     } wrong[] = {
-        {&state->primary_lockin.in_phase.falling_q52, INT64_C(3) << 61, true},
+        {&state->primary_lockin.in_phase.ramp_q52, INT64_C(3) << 61, true},
+        {&state->primary_lockin.in_phase.sum_q52, INT64_C(1) << 57, true},
+        {&state->secondary_lockin.quadrature.rising_q52, INT64_C(1) << 60, true},
         {&state->secondary_lockin.quadrature.rising_q52, -(INT64_C(1) << 62), true},
-        {&state->decoupler.q1_q61, (INT64_C(1) << 60) + 1, true},
-        {&state->decoupler.q2_q61, INT64_MIN, true},
-        {&state->decoupler_coefs.gain_q48, INT32_MAX, false},
-        {&state->decoupler_coefs.eps_q36, -1, false},
+        {&state->decoupler.next_q61, INT64_C(1) << 62, true},
+        {&state->decoupler.after_q61, INT64_C(1) << 61, true},
+        {&state->decoupler_coefs.minus_gain_q48, INT32_MAX, false},
+        {&state->decoupler_coefs.minus_r2_q30, 1, false},
+        {&state->dac_mask, 0xFFFE, false},
         {&state->drive.drive_integral_q54, -1, true},
         {&state->rebalance.in_phase.integral_q54, INT64_MAX, true},
         {&state->drive_shaper.error1, (1 << 23) + 1, false},

@@ -24,6 +24,11 @@ static int32_t two_cos_q30(double turns)
     return (int32_t)lrint(ldexp(2.0 * cos(two_pi * turns), 30));
 }
 
+static uint32_t mask_of(unsigned shift)
+{
+    return (UINT32_C(1) << shift) - 1;
+}
+
 static void test_codes_have_the_low_bits_clear_and_stay_near(void)
 {
     struct random_state random = random_begin(__func__, 1);
@@ -32,7 +37,7 @@ static void test_codes_have_the_low_bits_clear_and_stay_near(void)
         bool saturated = false;
         for (int n = 0; n < 20000; n++) {
             int32_t force = random_wide_i32(&random) / 2;
-            int32_t code = dac_shaper_step(&state, force, random_wide_i32(&random), shift, &saturated);
+            int32_t code = dac_shaper_step(&state, force, random_wide_i32(&random), mask_of(shift), &saturated);
             TEST_ASSERT_EQUAL_INT32(0, code & ((INT32_C(1) << shift) - 1));
             TEST_ASSERT_TRUE(fabs((double)code - force) <= ldexp(2.0, (int)shift)); /* half a code, and 1.5 fed back */
         }
@@ -47,7 +52,7 @@ static void test_without_rounding_nothing_changes(void)
     bool saturated = false;
     for (int n = 0; n < 100000; n++) {
         int32_t force = random_wide_i32(&random);
-        TEST_ASSERT_EQUAL_INT32(force, dac_shaper_step(&state, force, INT32_MAX, 0, &saturated));
+        TEST_ASSERT_EQUAL_INT32(force, dac_shaper_step(&state, force, INT32_MAX, mask_of(0), &saturated));
     }
     TEST_ASSERT_FALSE(saturated);
 }
@@ -63,7 +68,7 @@ static void test_error_at_the_carrier_vanishes(void)
     const int count = 100000;
     for (int n = 0; n < count; n++) {
         int32_t force = (int32_t)lrint(ldexp(amplitude * cos(two_pi * turns * n + 0.3), 31));
-        double code = ldexp(dac_shaper_step(&state, force, two_cos_q30(turns), shift, &saturated), -(int)shift);
+        double code = ldexp(dac_shaper_step(&state, force, two_cos_q30(turns), mask_of(shift), &saturated), -(int)shift);
         double complex back = cexp(-I * two_pi * turns * n);
         shaped += (code - ldexp(force, -(int)shift)) * back;
         plain += (rint(ldexp(force, -(int)shift)) - ldexp(force, -(int)shift)) * back;
@@ -81,11 +86,11 @@ static void test_limits_saturate_flag_and_recover(void)
             struct dac_shaper_state state = {0, 0};
             bool saturated = false, again = false;
             for (int n = 0; n < 100; n++) {
-                (void)dac_shaper_step(&state, limits[k], two_cos_q30(0.1), shift, &saturated);
+                (void)dac_shaper_step(&state, limits[k], two_cos_q30(0.1), mask_of(shift), &saturated);
             }
             TEST_ASSERT_EQUAL(k == 1, saturated); /* -1 is a code, +1 is not */
             for (int n = 0; n < 4; n++) {
-                (void)dac_shaper_step(&state, 0, two_cos_q30(0.1), shift, &again);
+                (void)dac_shaper_step(&state, 0, two_cos_q30(0.1), mask_of(shift), &again);
             }
             TEST_ASSERT_FALSE(again);
         }
@@ -100,7 +105,7 @@ static void test_any_words(void)
     bool saturated = false;
     for (int n = 0; n < 2000000; n++) {
         unsigned shift = 24;
-        (void)dac_shaper_step(&state, random_wide_i32(&random), random_wide_i32(&random), shift, &saturated);
+        (void)dac_shaper_step(&state, random_wide_i32(&random), random_wide_i32(&random), mask_of(shift), &saturated);
         TEST_ASSERT_TRUE(state.error1 >= -(1 << 23) && state.error1 <= 1 << 23);
     }
 }

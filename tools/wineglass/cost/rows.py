@@ -43,7 +43,7 @@ BARS: dict[str, float] = {
 }
 
 NOT_YET = (
-    "decoupler (one biquad), worst", "gyro_step, open loop, G2, mean", "gyro_step, open loop, G2, worst",
+    "gyro_step, open loop, G2, mean", "gyro_step, open loop, G2, worst",
     "gyro_step, force-to-rebalance, mean", "gyro_step, force-to-rebalance, worst", "flash, bytes", "memory, bytes",
 )
 """Bars that are known not to be reached; whoever reaches one takes it off the list."""
