@@ -50,6 +50,7 @@ class Player(Decoder):
         self._encoder = CommandEncoder(FIRST_SEQUENCE)
         self._refused: list[str] = []
         self._answers: list[tuple[int, int, int]] = []
+        self._name, self._began = script.name or "script", False
 
     def feed(self, data: bytes) -> Frames:
         frames = super().feed(data)
@@ -59,6 +60,9 @@ class Player(Decoder):
     def play(self, begin_sample: int, end_sample: int) -> None:
         """Sends what is due, one command at a time. begin_sample, end_sample: what has been recorded."""
         seconds = (end_sample - begin_sample) / self._rate_hz
+        if not self._began:
+            self._writer.event("script", self._name, sample=begin_sample)
+            self._began = True
         while self._segments and self._segments[0].begin_s <= seconds:
             segment = self._segments.pop(0)
             self._writer.event("segment", segment.name, sample=begin_sample + round(segment.begin_s * self._rate_hz))
