@@ -340,3 +340,45 @@ def test_a_script_for_another_sampling_rate_is_refused(tmp_path, short, capsys):
         assert cli.main(["-q", "record", "--port", str(socket), "--script", str(script), "--device", str(other), "-o", str(tmp_path / "x.h5")]) == 2
         thread.join(30.0)
     assert "samples at" in capsys.readouterr().err and not (tmp_path / "x.h5").exists()
+
+
+def played(tmp_path, items, duration_s=4.0):
+    """A script of these lines, recorded from a served device at rest; the recording and its warnings."""
+    script, path, socket = tmp_path / "script.toml", tmp_path / "live.h5", tmp_path / "gyro.sock"
+    script.write_text(f'device = "metal-fast"\nduration_s = {duration_s}\n{items}\n')
+    run = scenario.prepare(scenario.Scenario(device="metal-fast", duration_s=duration_s + 2.0))
+    with link_serve.listen_unix(socket) as listener:
+        thread = threading.Thread(target=link_serve.serve, args=(run, listener, 4.0), daemon=True)
+        thread.start()
+        assert cli.main(["-q", "record", "--port", str(socket), "--script", str(script), "-o", str(path)]) == 0
+        thread.join(60.0)
+    return Recording.open(path)
+
+
+def test_a_busy_device_is_asked_again(tmp_path):
+    """A burst of 0.6 s, and a command in the middle of it: it is taken when the burst is over."""
+    recording = played(tmp_path, 'burst = [{ time_s = 1.5, samples = 30000 }]\ncommand = [{ at_s = 1.7, kind = "amplitude", set_point_fs = 0.8 }]')
+    burst, = recording.bursts
+    assert burst.length == 30000
+    taken, = [event.sample for event in recording.events if event.kind == "command"]
+    assert taken >= burst.first_sample + burst.length
+    assert not [event for event in recording.events if event.kind == "refused"]
+
+
+def test_a_refusal_is_said_and_noted(tmp_path, capsys):
+    items = 'command = [{ at_s = 1, kind = "rebalance", kp = 900.0, ki_per_s = 1e4 }, { at_s = 2, kind = "amplitude", set_point_fs = 0.8 }]'
+    recording = played(tmp_path, items)
+    assert "refused 'rebalance" in capsys.readouterr().err
+    assert [event.kind for event in recording.events if event.kind in ("refused", "command")] == ["refused", "command"]
+
+
+@pytest.mark.parametrize(("text", "part"), [
+    ("duration_s = 5", "device"), ('device = "metal"\nduration_s = 5\ncommand = [{ at_s = 6, kind = "loop", mode = "open" }]', "after the end"),
+    ('device = "metal"\nduration_s = 5\ncommand = [{ at_s = 1, kind = "dance" }]', "dance"), ("device = ", "not valid TOML"),
+])
+def test_bad_scripts_are_one_line_and_status_2(text, part, tmp_path, capsys):
+    script = tmp_path / "script.toml"
+    script.write_text(text)
+    assert cli.main(["record", "--port", "nowhere", "--script", str(script), "-o", str(tmp_path / "x.h5")]) == 2
+    error = capsys.readouterr().err
+    assert part in error and error.count("\n") == 1, error
