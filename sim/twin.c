@@ -174,7 +174,7 @@ void twin_destroy(struct twin *twin)
 int32_t twin_set_effects(struct twin *twin, const struct effect_setting *effects, uint32_t n_effects)
 {
     int32_t result = effect_set_init(&twin->effects, effects, n_effects) ? TWIN_OK : TWIN_ERROR_EFFECT;
-    struct application *app = &twin->device->app;
+    struct application *app = &twin->device->board.app;
     effect_set_firmware(&twin->effects, &app->calibration.gyro);
     app->cfgs[0] = app->cfgs[1] = app->calibration.gyro;
     gyro_reset(app->cfg, &app->gyro);

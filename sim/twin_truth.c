@@ -5,12 +5,12 @@
 
 double twin_oscillator_turns(const struct twin *twin)
 {
-    return (double)(int64_t)(twin->device->app.gyro.oscillator.phase_u64 >> 11) * 0x1p-53;
+    return (double)(int64_t)(twin->device->board.app.gyro.oscillator.phase_u64 >> 11) * 0x1p-53;
 }
 
 double twin_oscillator_hz(const struct twin *twin)
 {
-    return (double)twin->device->app.gyro.oscillator.freq_u64 * 0x1p-64 * twin->cfg.sample_rate_hz;
+    return (double)twin->device->board.app.gyro.oscillator.freq_u64 * 0x1p-64 * twin->cfg.sample_rate_hz;
 }
 
 /* From x = Re(z) and x' = Re(j w z) of a steady motion: z = x - j x' / w, with w near enough the mean resonance; then turned back. */

@@ -4,10 +4,8 @@
 #include <string.h>
 
 #include "application/store.h"
-#include "hal/host/host_store.h"
 
-#define LOOP_DELAY_Q16    (3u << 15) /* one sample of latency and half a sample of hold */
-#define POLL_INTERVAL_MAX 64 /* the ring of raw samples must not fill up in between */
+#define LOOP_DELAY_Q16 (3u << 15) /* one sample of latency and half a sample of hold */
 
 /* ---- the port ---------------------------------------------------------------------------------------------------------- */
 
@@ -23,50 +21,21 @@ static size_t read_bytes(void *context, uint8_t *bytes, size_t capacity)
     return host_queue_take(&device->commands, bytes, capacity);
 }
 
-/* Simulated time, so that equal runs give equal bytes: samples (1000 / rate) 10^6. Range: good for 2^63 / 10^9 samples (two days)
- * before the product is split. */
-static uint64_t time_us(void *context)
-{
-    const struct wg_device *device = context;
-    uint64_t rate = device->properties.sample_rate_millihz;
-    uint64_t samples = device->app.sample_counter;
-    return samples / rate * UINT64_C(1000000000) + samples % rate * UINT64_C(1000000000) / rate;
-}
-
 static void describe_board(struct wg_device *device, const struct wg_device_cfg *cfg)
 {
-    device->properties = (struct hal_properties){
+    const struct hal_properties properties = {
         .unique_id = cfg->serial,
         .sample_rate_millihz = cfg->sample_rate_millihz,
         .adc_bits = cfg->adc_bits,
         .dac_bits = cfg->dac_bits,
         .loop_delay_samples_q16 = cfg->loop_delay_samples_q16 != 0 ? cfg->loop_delay_samples_q16 : LOOP_DELAY_Q16,
-        .store_sector_bytes = HOST_STORE_SECTOR_BYTES,
         .store_program_bytes = 4,
     };
-    device->hal = (struct hal){
-        .properties = &device->properties,
-        .context = device,
-        .bytes_write = write_bytes,
-        .bytes_read = read_bytes,
-        .time_us = time_us,
-        .store_erase = host_store_erase,
-        .store_program = host_store_program,
-        .store_read = host_store_read,
-    };
+    simulated_board_init(&device->board, &properties, write_bytes, read_bytes);
+    device->board.poll_interval_samples = cfg->poll_interval_samples;
 }
 
 /* ---- life -------------------------------------------------------------------------------------------------------------- */
-
-static int start(struct wg_device *device)
-{
-    int status = application_init(&device->app, &device->hal);
-    if (status == 0) {
-        uint32_t interval = device->poll_interval_samples != 0 ? device->poll_interval_samples : wg_device_slow_period(device);
-        device->samples_to_poll = interval < POLL_INTERVAL_MAX ? interval : POLL_INTERVAL_MAX;
-    }
-    return status;
-}
 
 int32_t wg_calibration_check(const struct wg_device_cfg *cfg, const uint8_t *block, size_t size)
 {
@@ -95,13 +64,11 @@ struct wg_device *wg_device_create(const struct wg_device_cfg *cfg, const uint8_
         return NULL;
     }
     describe_board(device, cfg);
-    device->poll_interval_samples = cfg->poll_interval_samples;
-    memset(device->store, 0xFF, sizeof device->store);
-    if ((block != NULL && store_write(&device->hal, block, (uint32_t)size) != HAL_OK) || start(device) != 0) {
+    if ((block != NULL && store_write(&device->board.hal, block, (uint32_t)size) != HAL_OK) || simulated_board_start(&device->board) != 0) {
         wg_device_destroy(device);
         return NULL;
     }
-    device->adc_max = (int32_t)(UINT32_C(0x7FFFFFFF) >> device->app.codes.adc_shift);
+    device->adc_max = (int32_t)(UINT32_C(0x7FFFFFFF) >> device->board.app.codes.adc_shift);
     device->adc_min = -device->adc_max - 1;
     return device;
 }
@@ -117,38 +84,31 @@ void wg_device_destroy(struct wg_device *device)
 
 int32_t wg_device_power_cycle(struct wg_device *device)
 {
-    device->power = (struct host_power){0, false};
+    device->board.power = (struct simulated_power){0, false};
     host_queue_free(&device->commands);
-    return start(device) == 0 ? 0 : -1;
+    return simulated_board_start(&device->board) == 0 ? 0 : -1;
 }
 
 /* ---- running ----------------------------------------------------------------------------------------------------------- */
 
 void wg_device_set_thermometer(struct wg_device *device, int32_t code)
 {
-    application_thermometer(&device->app, code);
+    application_thermometer(&device->board.app, code);
 }
 
 void wg_device_thermometer_fails(struct wg_device *device)
 {
-    application_thermometer(&device->app, GYRO_THERMOMETER_INVALID);
-}
-
-void host_device_poll(struct wg_device *device)
-{
-    uint32_t interval = device->poll_interval_samples != 0 ? device->poll_interval_samples : wg_device_slow_period(device);
-    device->samples_to_poll = interval < POLL_INTERVAL_MAX ? interval : POLL_INTERVAL_MAX;
-    application_poll(&device->app);
+    application_thermometer(&device->board.app, GYRO_THERMOMETER_INVALID);
 }
 
 void wg_device_poll(struct wg_device *device)
 {
-    application_poll(&device->app);
+    application_poll(&device->board.app);
 }
 
 void wg_device_sync(struct wg_device *device, uint32_t since_sample_q16)
 {
-    application_sync(&device->app, since_sample_q16);
+    application_sync(&device->board.app, since_sample_q16);
 }
 
 static int32_t clamp(int32_t value, int32_t low, int32_t high)
@@ -158,7 +118,7 @@ static int32_t clamp(int32_t value, int32_t low, int32_t high)
 
 void wg_device_run(struct wg_device *device, size_t n, const int32_t *adc, int32_t *dac)
 {
-    if (device->app.cfg == NULL) {
+    if (device->board.app.cfg == NULL) {
         memset(dac, 0, 2 * n * sizeof *dac);
         return;
     }
@@ -173,7 +133,7 @@ void wg_device_run(struct wg_device *device, size_t n, const int32_t *adc, int32
 
 uint32_t wg_device_slow_period(const struct wg_device *device)
 {
-    return device->app.cfg->lockin.decimation * device->app.cfg->loops_per_slow;
+    return simulated_board_slow_period(&device->board);
 }
 
 size_t wg_device_telemetry_pending(const struct wg_device *device)
@@ -193,9 +153,9 @@ int32_t wg_device_command_write(struct wg_device *device, const uint8_t *bytes, 
 
 void wg_device_get_signals(const struct wg_device *device, struct wg_device_signals *signals)
 {
-    const struct gyro_signals *published = &device->app.gyro.signals;
+    const struct gyro_signals *published = &device->board.app.gyro.signals;
     *signals = (struct wg_device_signals){
-        .sample_counter = device->app.sample_counter,
+        .sample_counter = device->board.app.sample_counter,
         .freq_u64 = published->freq_u64,
         .primary_i_q30 = published->primary.i_q30,
         .primary_q_q30 = published->primary.q_q30,
@@ -224,7 +184,7 @@ size_t wg_device_snapshot_size(void)
 
 int64_t wg_device_snapshot(const struct wg_device *device, uint8_t *bytes, size_t capacity)
 {
-    struct snapshot snapshot = {device->app.sample_counter, *device->app.cfg, device->app.gyro};
+    struct snapshot snapshot = {device->board.app.sample_counter, *device->board.app.cfg, device->board.app.gyro};
     if (capacity < snapshot_bytes()) {
         return -1;
     }
@@ -235,7 +195,7 @@ int64_t wg_device_snapshot(const struct wg_device *device, uint8_t *bytes, size_
 int32_t wg_device_restore(struct wg_device *device, const uint8_t *bytes, size_t size)
 {
     struct snapshot snapshot;
-    struct application *app = &device->app;
+    struct application *app = &device->board.app;
     enum reason reason = snapshot_read(bytes, size, &snapshot);
     if (reason == REASON_OK && snapshot.cfg.dac_shift != app->codes.dac_shift) {
         reason = REASON_SNAPSHOT_BOARD;
@@ -254,26 +214,26 @@ int32_t wg_device_restore(struct wg_device *device, const uint8_t *bytes, size_t
 
 size_t wg_device_store_size(void)
 {
-    return sizeof((struct wg_device *)0)->store;
+    return sizeof((struct wg_device *)0)->board.store;
 }
 
 size_t wg_device_store_get(const struct wg_device *device, uint8_t *bytes, size_t capacity)
 {
-    size_t count = capacity < sizeof device->store ? capacity : sizeof device->store;
-    memcpy(bytes, device->store, count);
+    size_t count = capacity < sizeof device->board.store ? capacity : sizeof device->board.store;
+    memcpy(bytes, device->board.store, count);
     return count;
 }
 
 int32_t wg_device_store_set(struct wg_device *device, const uint8_t *bytes, size_t size)
 {
-    if (size > sizeof device->store) {
+    if (size > sizeof device->board.store) {
         return -1;
     }
-    memcpy(device->store, bytes, size);
+    memcpy(device->board.store, bytes, size);
     return 0;
 }
 
 void wg_device_cut_power_after(struct wg_device *device, uint32_t operations)
 {
-    device->power = (struct host_power){operations, false};
+    device->board.power = (struct simulated_power){operations, false};
 }

@@ -1,15 +1,12 @@
-/* Port of the firmware to a machine without a board: converters, thermometer and serial line are calls, the store is memory.
- * No heap: it runs on a bare processor. Interrupt and background take turns as in hal/host/, so equal calls give equal bytes. */
+/* Port of the firmware to a machine without a board: converters, thermometer and serial line are calls, the store is memory. */
 #ifndef HAL_STREAM_DEVICE_H
 #define HAL_STREAM_DEVICE_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-#include "application/application.h"
-#include "hal/hal.h"
+#include "hal/simulated/board.h"
 
-#define DEVICE_STORE_SECTOR_BYTES 1024
 #define DEVICE_TELEMETRY_BYTES    (1u << 20)
 #define DEVICE_COMMAND_BYTES      4096u
 
@@ -20,11 +17,7 @@ struct device_queue {
 };
 
 struct device {
-    struct application app;
-    struct hal hal;
-    struct hal_properties properties;
-    uint32_t poll_interval_samples, samples_to_poll;
-    uint8_t store[HAL_STORE_SECTORS][DEVICE_STORE_SECTOR_BYTES];
+    struct simulated_board board; /* first: the context of its functions */
     struct device_queue telemetry, commands;
     uint8_t telemetry_bytes[DEVICE_TELEMETRY_BYTES];
     uint8_t command_bytes[DEVICE_COMMAND_BYTES];

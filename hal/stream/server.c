@@ -47,10 +47,10 @@ static int32_t start(const uint8_t *bytes, size_t count)
 static int32_t run(const uint8_t *bytes, size_t count)
 {
     struct byte_reader reader = {bytes, count, false};
-    if (device.app.cfg == NULL || count % PAIR_BYTES != WORD_BYTES) {
+    if (device.board.app.cfg == NULL || count % PAIR_BYTES != WORD_BYTES) {
         return failed;
     }
-    application_thermometer(&device.app, get_i32(&reader));
+    application_thermometer(&device.board.app, get_i32(&reader));
     size_t pairs = count / PAIR_BYTES;
     for (size_t i = 0; i < 2 * pairs; i++) {
         codes[i] = get_i32(&reader);
@@ -65,20 +65,20 @@ static int32_t run(const uint8_t *bytes, size_t count)
 
 static int32_t poll(void)
 {
-    if (device.app.cfg == NULL) {
+    if (device.board.app.cfg == NULL) {
         return failed;
     }
-    application_poll(&device.app);
+    application_poll(&device.board.app);
     return status_answer(0);
 }
 
 static int32_t snapshot(void)
 {
     static struct snapshot taken;
-    if (device.app.cfg == NULL) {
+    if (device.board.app.cfg == NULL) {
         return failed;
     }
-    taken = (struct snapshot){device.app.sample_counter, *device.app.cfg, device.app.gyro};
+    taken = (struct snapshot){device.board.app.sample_counter, *device.board.app.cfg, device.board.app.gyro};
     return (int32_t)snapshot_write(&taken, 0, answer + WORD_BYTES, SERVER_MAX_BYTES);
 }
 

@@ -36,7 +36,7 @@ static void ring(struct wg_device *device, struct shell *shell, uint32_t samples
 static void close_rebalance(struct wg_device *device)
 {
     for (unsigned i = 0; i < 2; i++) {
-        struct gyro_cfg *gyro = &device->app.cfgs[i];
+        struct gyro_cfg *gyro = &device->board.app.cfgs[i];
         gyro->rebalance = (struct rebalance_cfg){10 << 16, 1 << 10, 1 << 30, 1 << 30};
         gyro->rebalance_scale_rad_s_q28.coef[0] = 1 << 29;
         gyro->loop = GYRO_LOOP_REBALANCE;

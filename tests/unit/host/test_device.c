@@ -169,7 +169,7 @@ static void commit_over_the_wire(struct wg_device *device, const uint8_t *wanted
 static uint32_t serial_after_power_cycle(struct wg_device *device)
 {
     TEST_ASSERT_EQUAL_INT32(0, wg_device_power_cycle(device));
-    return device->app.calibration.serial;
+    return device->board.app.calibration.serial;
 }
 
 /* The supply goes at every flash operation of a calibration over the wire: after it, the device has the old block or the new one. */
@@ -184,7 +184,7 @@ static void power_cuts_during_a_calibration(void)
         struct wg_device *device = wg_device_create(&cfg_16, block, sizeof block);
         wg_device_cut_power_after(device, cut);
         commit_over_the_wire(device, wanted);
-        bool stored = device->app.counters.store_errors == 0;
+        bool stored = device->board.app.counters.store_errors == 0;
         TEST_ASSERT_EQUAL_UINT32(stored ? 4321 : 1234, serial_after_power_cycle(device));
         last_cut = stored ? cut : 0;
         commit_over_the_wire(device, wanted);
