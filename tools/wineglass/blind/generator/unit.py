@@ -10,6 +10,7 @@ from wineglass.device import Device
 
 WITHIN = 2.0  # standard deviations: what lies outside would not have left the factory
 POSITIVE = ("resonator.split_hz", "resonator.damping_mismatch")
+AT_MOST = {"resonator.angular_gain": 2.0}  # no shell has more
 
 
 def drawn(device: Device, random: np.random.Generator) -> dict[str, Any]:
@@ -44,6 +45,8 @@ def _value(device: Device, path: str, random: np.random.Generator) -> Any:
     found[: len(sizes)] += sizes[: len(values)] * _truncated(random, len(values))
     if path in POSITIVE:
         found = np.abs(found)
+    if path in AT_MOST:
+        found = AT_MOST[path] - np.abs(AT_MOST[path] - found)
     return [float(value) for value in found] if isinstance(nominal, list) else float(found[0])
 
 
