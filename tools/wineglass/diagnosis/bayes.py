@@ -19,6 +19,7 @@ from wineglass.diagnosis.noise_models import CLASSES, NoiseModel, whiten
 MAX_EFFECTS = 3
 INCLUSION_PRIOR = 0.08
 FREEDOM = 120.0  # of the prior on the noise's size
+UNLIKELY_NATS = 8.0  # a variant this much worse than the best is left out of larger supports
 TWINS = ({"coriolis_gain", "rate_reference"}, {"cross_damping", "thermometer_error"})  # never asked for together
 
 
@@ -33,16 +34,20 @@ class Candidate:
     log_prior: float
 
 
-def enumerate_candidates(design: Design, without: frozenset[str] = frozenset()) -> list[Candidate]:
+def enumerate_candidates(
+    design: Design, without: frozenset[str] = frozenset(), sizes: range = range(MAX_EFFECTS + 1), kept: dict[str, list[Variant]] | None = None
+) -> list[Candidate]:
+    """sizes: how many effects at a time; kept: of these effects, only these variants."""
     names = [name for name in design.effects if name not in without]
     found = []
-    for size in range(min(MAX_EFFECTS, len(names)) + 1):
+    for size in sizes:
         for support in combinations(names, size):
             if any(twins <= set(support) for twins in TWINS):
                 continue
             options = [design.effects[name] for name in support]
             prior = size * np.log(INCLUSION_PRIOR / (1.0 - INCLUSION_PRIOR)) - sum(np.log(len(o)) for o in options)
-            found += [_candidate(design, support, variants, prior) for variants in product(*options)]
+            chosen = [kept[name] if kept is not None else design.effects[name] for name in support]
+            found += [_candidate(design, support, variants, prior) for variants in product(*chosen)]
     return found
 
 
@@ -92,6 +97,22 @@ def score(design: Design, noise: list[NoiseModel], white: float, candidates: lis
             value = _evidence(gram, columns, first_target + targets, len(rows), log_determinant)
             log_evidence[members, j] = value + log_priors[members] + model.log_prior
     return Scores(candidates, noise, log_evidence)
+
+
+def score_all(design: Design, noise: list[NoiseModel], white: float, without: frozenset[str] = frozenset()) -> Scores:
+    """All supports; those of three effects only with variants that count for something in a smaller one."""
+    few = score(design, noise, white, enumerate_candidates(design, without, range(min(MAX_EFFECTS, 3))))
+    likely: dict[str, list[Variant]] = {name: [] for name in design.effects}
+    best = few.log_evidence.max(axis=1)
+    for support in few.supports:
+        rows = [i for i, c in enumerate(few.candidates) if c.support == support]
+        top = best[rows].max()
+        for i in rows:
+            if best[i] >= top - UNLIKELY_NATS:
+                for name, variant in zip(support, few.candidates[i].variants):
+                    likely[name] += [] if variant in likely[name] else [variant]
+    many = score(design, noise, white, enumerate_candidates(design, without, range(3, MAX_EFFECTS + 1), likely))
+    return Scores([*few.candidates, *many.candidates], noise, np.vstack([few.log_evidence, many.log_evidence]))
 
 
 def _groups(candidates: list[Candidate]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -159,4 +180,15 @@ def residual(design: Design, mixture: list[Fit]) -> np.ndarray:
     total = np.zeros(len(design.target))
     for fit in mixture:
         total += fit.weight * (design.static_targets[fit.candidate.static] - design.matrix[:, list(fit.candidate.columns)] @ fit.mean)
+    return total
+
+
+def variance(design: Design, mixture: list[Fit]) -> np.ndarray:
+    """Of the mixture's prediction (n,) [rad^2/s^2], for what the coefficients are uncertain."""
+    middle = design.static_targets[0] - residual(design, mixture)
+    total = np.zeros(len(design.target))
+    for fit in mixture:
+        columns = design.matrix[:, list(fit.candidate.columns)]
+        apart = design.static_targets[0] - design.static_targets[fit.candidate.static] + columns @ fit.mean - middle
+        total += fit.weight * (np.einsum("ij,jk,ik->i", columns, fit.covariance, columns, optimize=True) + apart**2)
     return total

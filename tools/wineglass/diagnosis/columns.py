@@ -15,8 +15,13 @@ from wineglass.diagnosis.blocks import Blocks
 
 STATIC_ORDER = 3  # of the nominal curve where no calibration is known
 CROSS_ORDER = 5  # what the firmware's polynomial holds
+LAG_SHARES = (0.01, 0.6)  # time constants, of a thermal branch
 LAG_STEPS = 8
-AGEING_TIMES = (0.0, 0.02, 0.1, 0.4)  # time constants of log ageing, of the record; 0 is linear
+LAG_POLES = (1, 3)  # one pole, or as heat that creeps through a wall
+SLOPE_NOISE = 0.004  # of the slope: what the thermometer's noise may make of it
+WIDEST_SLOPE = 0.02  # of the record, to each side
+AGEING_TIMES = (0.0, 0.02, 0.06, 0.15, 0.4, 1.0)  # time constants of log ageing, of the record; 0 is linear
+TWO_PART_TIMES = (0.02, 0.15)  # of logarithmic with linear ageing
 PLAY_WIDTHS = (0.06, 0.15, 0.3, 0.55, 0.9)  # half widths of play, of half the temperature span
 
 
@@ -94,7 +99,8 @@ def build(blocks: Blocks) -> Design:
     static(blocks.fine_temperature_degc, None)
     effects = {"thermometer_lag": _lags(b, calibrated, static)}
     slope = _slope(blocks.fine_time_s, blocks.fine_temperature_degc, blocks.per_block)
-    effects["thermal_gradient"] = [Variant("proportional to dT/dt", b.add([blocks.mean(slope)], b.size))]
+    effects["thermal_gradient"] = [Variant("proportional to dT/dt", b.add([blocks.mean(slope)], b.size)),
+                                   Variant("over temperature", b.add([blocks.mean(slope), blocks.mean(slope * b.x(blocks.fine_temperature_degc))], b.size))]
     effects["ageing"] = _ageing(b)
     effects["thermal_hysteresis"] = _hysteresis(b)
     effects["cross_damping"] = [Variant("static curve", ())]  # its columns go with the static curve: see `cross`
@@ -114,29 +120,64 @@ def _lags(b: _Builder, calibrated: bool, static) -> list[Variant]:  # noqa: ANN0
     branch_s = (time_s[-1] - time_s[0]) / max(1, len(blocks.branches))
     slope = _slope(time_s, temperature, blocks.per_block)
     found = []
-    for tau in branch_s * np.geomspace(0.01, 0.6, LAG_STEPS):
-        late = Lag(time_s, np.full(len(time_s), tau))(temperature)
-        if calibrated:
-            gradient = blocks.fine_slope
-            found.append(Variant("thermometer late", (), static(temperature + tau * slope, blocks.mean(gradient * tau * slope)), float(tau)))
-            found.append(Variant("bias late", (), static(late, blocks.mean(gradient * (late - temperature))), -float(tau)))
-            continue
-        if tau < 0.15 * branch_s:
-            found.append(Variant("thermometer late", (), static(temperature + tau * slope, None), float(tau)))
-        found.append(Variant("bias late", (), static(late, None), -float(tau)))
-        part = late - temperature
-        if tau > 0.02 * branch_s:  # a faster one is a gradient in all but name
-            columns = b.add([blocks.mean(part), blocks.mean(part * b.x(temperature))], b.size)
-            found.append(Variant("part of the bias late", columns, None, -float(tau)))
+    for tau in branch_s * np.geomspace(*LAG_SHARES, LAG_STEPS):
+        found += _thermometer_late(b, calibrated, static, float(tau), temperature + tau * slope, tau < 0.15 * branch_s)
+        for poles in LAG_POLES:
+            late = temperature
+            for _ in range(poles):
+                late = Lag(time_s, np.full(len(time_s), tau / poles))(late)
+            found += _bias_late(b, calibrated, static, float(tau), late, "" if poles == 1 else f", {poles} poles", tau > 0.02 * branch_s)
+    return found
+
+
+def _thermometer_late(b: _Builder, calibrated: bool, static, tau: float, early: np.ndarray, sound: bool) -> list[Variant]:  # noqa: ANN001
+    """The bias goes with what the thermometer will show: its own temperature and tau times its slope."""
+    blocks = b.blocks
+    if calibrated:
+        shift = blocks.mean(blocks.fine_slope * (early - blocks.fine_temperature_degc))
+        return [Variant("thermometer late", (), static(early, shift), tau)]
+    return [Variant("thermometer late", (), static(early, None), tau)] if sound else []
+
+
+def _bias_late(b: _Builder, calibrated: bool, static, tau: float, late: np.ndarray, poles: str, sound: bool) -> list[Variant]:  # noqa: ANN001
+    """The bias, or a part of it, goes with a temperature further in. sound: a faster part is a gradient in all but name."""
+    blocks = b.blocks
+    part = late - blocks.fine_temperature_degc
+    if calibrated:
+        return [Variant(f"bias late{poles}", (), static(late, blocks.mean(blocks.fine_slope * part)), -tau)]
+    found = [Variant(f"bias late{poles}", (), static(late, None), -tau)]
+    if sound:
+        columns = b.add([blocks.mean(part), blocks.mean(part * b.x(blocks.fine_temperature_degc))], b.size)
+        found.append(Variant(f"part of the bias late{poles}", columns, None, -tau))
     return found
 
 
 def _slope(time_s: np.ndarray, temperature: np.ndarray, width: int) -> np.ndarray:
-    """dT/dt over about a block to each side [degC/s]."""
+    """dT/dt [degC/s] by a straight line through the neighbourhood: about a block to each side, further where the thermometer is noisy."""
+    noise = float(np.median(np.abs(np.diff(temperature, 2)))) / 0.6745 / np.sqrt(6.0)
+    step = float(np.median(np.diff(time_s)))
     reach = max(1, width)
-    padded_t = np.concatenate([np.full(reach, time_s[0]), time_s, np.full(reach, time_s[-1])])
-    padded = np.concatenate([np.full(reach, temperature[0]), temperature, np.full(reach, temperature[-1])])
-    return (padded[2 * reach :] - padded[: -2 * reach]) / np.maximum(padded_t[2 * reach :] - padded_t[: -2 * reach], 1e-12)
+    slope = _line(time_s, temperature, reach)
+    while reach < WIDEST_SLOPE * len(time_s):
+        scatter = noise / step * np.sqrt(12.0 / (2 * reach + 1) ** 3)
+        if scatter <= SLOPE_NOISE * float(np.sqrt(np.mean(slope**2))):
+            break
+        reach = reach * 5 // 4 + 1
+        slope = _line(time_s, temperature, reach)
+    return slope
+
+
+def _line(time_s: np.ndarray, values: np.ndarray, reach: int) -> np.ndarray:
+    """Slope of the least-squares line over `reach` samples to each side of every sample, fewer at the ends (n,)."""
+    index = np.arange(len(time_s))
+    low, high = np.maximum(index - reach, 0), np.minimum(index + reach, len(time_s) - 1) + 1
+    t, v = time_s - time_s.mean(), values - values.mean()
+
+    def mean(x: np.ndarray) -> np.ndarray:
+        total = np.concatenate(([0.0], np.cumsum(x)))
+        return (total[high] - total[low]) / (high - low)
+
+    return (mean(t * v) - mean(t) * mean(v)) / np.maximum(mean(t * t) - mean(t) ** 2, 1e-12)
 
 
 def _ageing(b: _Builder) -> list[Variant]:
@@ -147,6 +188,9 @@ def _ageing(b: _Builder) -> list[Variant]:
         shape = elapsed if share == 0.0 else np.log1p(elapsed / (share * span))
         name = "linear" if share == 0.0 else "logarithmic"
         variants.append(Variant(name, b.add([b.blocks.mean(shape)], b.size), None, float(share * span)))
+        if share in TWO_PART_TIMES:
+            columns = b.add([b.blocks.mean(shape), b.blocks.mean(elapsed)], b.size)
+            variants.append(Variant("logarithmic and linear", columns, None, float(share * span)))
     return variants
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from wineglass.diagnosis.bayes import Fit
 from wineglass.diagnosis.columns import Design
-from wineglass.diagnosis.split import Split
+from wineglass.diagnosis.split import Split, joined
 
 DRAWS = 400
 PIECES = 12  # contiguous pieces of the held-out blocks, drawn again for the interval
@@ -37,14 +37,26 @@ def rms(values: np.ndarray) -> float:
 
 def nominal_residual(design: Design, split: Split) -> np.ndarray:
     """Recorded minus nominal twin (n,): the calibrated curve, or the least-squares static cubic of the fit part."""
+    return _beyond_nominal(design, split, design.target)
+
+
+def _beyond_nominal(design: Design, split: Split, values: np.ndarray) -> np.ndarray:
+    """values (n, ...) minus the nominal curve fitted to their fit part"""
     nominal = design.matrix[:, list(design.statics[0])]
-    if nominal.shape[1] == 0:
-        return design.target
-    return design.target - nominal @ np.linalg.lstsq(nominal[split.fit], design.target[split.fit], rcond=None)[0]
+    return values - nominal @ np.linalg.lstsq(nominal[split.fit], values[split.fit], rcond=None)[0] if nominal.shape[1] else values
 
 
-def floor(design: Design, split: Split, white: float, null_fits: list[Fit]) -> Floor:
+def assembled(parts: list[Split], residuals: list[np.ndarray]) -> np.ndarray:
+    """Every block's residual (n, ...) from the part that holds it out; blocks that none holds out as the first one has them."""
+    out = residuals[0].copy()
+    for part, values in zip(parts, residuals):
+        out[part.held] = values[part.held]
+    return out
+
+
+def floor(design: Design, parts: list[Split], white: float, null_fits: list[Fit]) -> Floor:
     """Nulls drawn from the noise models of the floor class, weighted as the data weigh them, and put through the nominal fit."""
+    split = joined(parts)
     rng = np.random.default_rng(SEED)
     weights = np.array([f.weight for f in null_fits])
     counts = rng.multinomial(DRAWS, weights / weights.sum())
@@ -55,9 +67,7 @@ def floor(design: Design, split: Split, white: float, null_fits: list[Fit]) -> F
         if count:
             draws.append(np.linalg.cholesky(fit.noise.covariance) @ rng.standard_normal((len(split.fit), count)))
     noise = white * np.hstack(draws)
-    nominal = design.matrix[:, list(design.statics[0])]
-    if nominal.shape[1]:
-        noise = noise - nominal @ np.linalg.lstsq(nominal[split.fit], noise[split.fit], rcond=None)[0]
+    noise = assembled(parts, [_beyond_nominal(design, part, noise) for part in parts])
     squares = np.mean(noise[split.held] ** 2, axis=0)
     return Floor(float(np.sqrt(squares.mean())), float(np.sqrt(np.quantile(squares, QUANTILE))), float(effective / weights.sum()))
 

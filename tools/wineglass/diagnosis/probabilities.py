@@ -30,6 +30,16 @@ SETTLED = 0.8
 LEAVES_AT_MOST = 0.6  # of the gap, in sample: what leaves more is no explanation of it
 SIMPLER = 0.5  # an explanation is dropped for a part of it that is at least this times as probable
 LISTED = 12
+OPEN = 1.5  # a miss on held-out blocks within this times what the fit leaves open is no evidence against it
+LEAST_NAMED = 0.02  # an explanation that is less probable is not named
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """rms: left on held-out blocks. uncertain: rms of what the fit part leaves open there"""
+
+    rms: float
+    uncertain: float
 
 
 @dataclass(frozen=True)
@@ -66,21 +76,26 @@ def raw_log(scores: Scores) -> dict[tuple[str, ...], float]:
     return logs | {support: float(logsumexp(row)) for support, row in table.items()}
 
 
-def posterior(scores: Scores, left: dict[tuple[str, ...], float], held: dict[tuple[str, ...], float], threshold: float) -> Posterior:
-    """left, held: support -> rms that it leaves, in sample and on held-out blocks; () is the rms without any effect."""
+def posterior(scores: Scores, left: dict[tuple[str, ...], float], held: dict[tuple[str, ...], HeldOut], threshold: float) -> Posterior:
+    """left, held: support -> what it leaves, in sample and on held-out blocks; () is without any effect."""
     logs = raw_log(scores)
     all_rows = scores.by_support
     large = float(np.exp(logsumexp(all_rows[:, 1:]) - logsumexp(all_rows)))
     coarsening = 1.0 + REMAINDER_WEIGHT * large
     logs = {ids: value / coarsening for ids, value in logs.items()}
     bare = held[()]
-    logs = {ids: value - HELD_OUT_WEIGHT * float(np.log(max(held.get(ids, bare), threshold))) for ids, value in logs.items()}
+    logs = {ids: value - HELD_OUT_WEIGHT * float(np.log(max(_charged(held.get(ids, bare), bare), threshold))) for ids, value in logs.items()}
     logs = _with_imitators(logs, left)
     total = logsumexp(list(logs.values()))
     table = dict(zip(scores.supports, all_rows))
     best = max((s for s in table if s), key=lambda s: logs[s])
     remainder = float(np.exp(logsumexp(table[best][1:]) - logsumexp(table[best])))
     return Posterior(_listed({ids: float(np.exp(v - total)) for ids, v in logs.items()}), coarsening, remainder)
+
+
+def _charged(found: HeldOut, bare: HeldOut) -> float:
+    """A miss that the fit part left open counts no more than that of the nominal twin."""
+    return min(found.rms, bare.rms) if found.rms <= OPEN * found.uncertain else found.rms
 
 
 def _with_imitators(logs: dict[tuple[str, ...], float], left: dict[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
@@ -102,12 +117,17 @@ def _listed(probability: dict[tuple[str, ...], float]) -> dict[tuple[str, ...], 
     return {ids: probability[ids] / total for ids in kept}
 
 
-def earns_its_place(ids: tuple[str, ...], held: dict[tuple[str, ...], float], threshold: float) -> bool:
+def earns_its_place(ids: tuple[str, ...], held: dict[tuple[str, ...], HeldOut], threshold: float) -> bool:
     """Does it predict held-out data better than nothing, and better than without any one of its effects (where that was computed)?"""
-    if ids not in held or held[ids] <= threshold:
+    if ids not in held or held[ids].rms <= threshold:
         return True
     rivals = [(), *(tuple(i for i in ids if i != out) for out in ids if len(ids) > 1)]
-    return all(held[ids] < HELD_OUT_MARGIN * held[r] for r in rivals if r in held)
+    return all(held[ids].rms < HELD_OUT_MARGIN * held[r].rms for r in rivals if r in held)
+
+
+def is_open(ids: tuple[str, ...], held: dict[tuple[str, ...], HeldOut]) -> bool:
+    """Do the fit parts leave open what it would do on the held-out ones? Then they say nothing about it."""
+    return ids in held and held[ids].rms <= OPEN * held[ids].uncertain
 
 
 def share_left(rms: float, bare: float, floor: float) -> float:
@@ -116,10 +136,11 @@ def share_left(rms: float, bare: float, floor: float) -> float:
 
 
 def alternatives(
-    found: Posterior, left: dict[tuple[str, ...], float], held: dict[tuple[str, ...], float], floor: float, threshold: float
+    found: Posterior, left: dict[tuple[str, ...], float], held: dict[tuple[str, ...], HeldOut], floor: float, threshold: float
 ) -> list[tuple[str, ...]]:
-    """The credible set of what earned its place, without explanations that contain a simpler and about as probable one."""
-    order = [ids for ids in found.explanations if earns_its_place(ids, held, threshold)]
+    """The credible set of what held-out data support or leave open, without explanations that contain a simpler and about as probable one."""
+    order = [ids for ids in found.explanations if found.probability[ids] >= LEAST_NAMED]
+    order = [ids for ids in order if earns_its_place(ids, held, threshold) or is_open(ids, held)]
     order = [ids for ids in order if ids not in left or left[ids] <= threshold or share_left(left[ids], left[()], floor) <= LEAVES_AT_MOST]
     total = sum(found.probability[ids] for ids in order)
     credible, mass = [], 0.0

@@ -11,7 +11,7 @@ from wineglass.diagnosis import bayes, experiments, gap, parameters
 from wineglass.diagnosis.contract import (ChannelShrink, Diagnosis, EffectFound, Hypothesis, NextExperiment, Provenance, Region, Shrink,
                                           TotalShrink, Where)
 from wineglass.diagnosis.evidence import Evidence, missing_samples
-from wineglass.diagnosis.probabilities import SETTLED
+from wineglass.diagnosis.probabilities import LEAST_NAMED, SETTLED, earns_its_place
 from wineglass.diagnosis.rate_level import ENGINE, Analysis
 from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, stage_of
 
@@ -20,6 +20,7 @@ ATTRIBUTED_LEFT = 0.15  # a single explanation must do better, where what it lea
 LEAST_SPAN_DEGC = 5.0
 UNKNOWN_ABOVE = 0.5
 UNKNOWN_LEFT = 0.4  # of the gap: when more than that stays and is no noise, the verdict is unknown
+LEAST_REMOVED = 0.1  # of the held-out gap
 COMPUTED_BY = "rate-level model with the effects added, not the full twin"
 
 
@@ -40,20 +41,49 @@ def decide(found: Analysis) -> Outcome:
     named = found.alternatives
     if not named or probability[(OTHER,)] > UNKNOWN_ABOVE:
         return Outcome("unknown", [])
-    if found.fraction.value is not None and found.fraction.value < 0.1:
+    doubtful = found.posterior.remainder > 0.5
+    if _unsupported(found, named):
         return Outcome("unknown", [])
-    if found.posterior.remainder > 0.5 and found.share_left > UNKNOWN_LEFT:
+    if doubtful and found.share_left > UNKNOWN_LEFT:
         return Outcome("unknown", named[:1])
+    if _poor(found):
+        listed = [*named, *_not_excluded(found, named)]
+        return Outcome("ambiguous", listed if len(listed) > 1 else [*listed, (OTHER,)])
     if len(named) > 1:
         return Outcome("ambiguous", named)
-    if found.posterior.remainder > 0.5 and found.share_left > ATTRIBUTED_LEFT:
+    if doubtful and found.share_left > ATTRIBUTED_LEFT:
         return Outcome("unknown", named[:1])
+    if not _earned(found, named[0]) or found.cancelling(named[0]):
+        return Outcome("ambiguous", [named[0], (OTHER,)])
     holding = sum(p for ids, p in probability.items() if set(named[0]) <= set(ids))
     if holding >= SETTLED:
         return Outcome("attributed", named)
     rivals = [ids for ids in probability if ids not in ((NONE,), named[0]) and not set(named[0]) <= set(ids)]
     rival = max(rivals, key=lambda ids: probability[ids], default=(OTHER,))
     return Outcome("ambiguous", [named[0], rival])
+
+
+def _earned(found: Analysis, ids: tuple[str, ...]) -> bool:
+    return earns_its_place(ids, found.held, found.floor.threshold)
+
+
+def _unsupported(found: Analysis, named: list[tuple[str, ...]]) -> bool:
+    """Held-out data speak against it; or they are silent, and in sample it is not beyond doubt either."""
+    if not any(_earned(found, ids) for ids in named):
+        return found.posterior.remainder > 0.5 or found.share_left > ATTRIBUTED_LEFT or found.posterior.other > 0.05
+    return found.fraction.value is not None and found.fraction.value < LEAST_REMOVED and _earned(found, named[0])
+
+
+def _not_excluded(found: Analysis, named: list[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """What a single branch cannot rule out beside the named ones: whatever is at all probable, and every single effect."""
+    probable = [ids for ids in found.posterior.explanations if found.posterior.probability[ids] >= LEAST_NAMED]
+    singles = [(name,) for name in found.design.effects]
+    return [ids for ids in dict.fromkeys([*probable, *singles]) if ids not in named]
+
+
+def _poor(found: Analysis) -> bool:
+    """One thermal branch and no calibration: a static curve, lag, drift and hysteresis are all smooth functions of the same time."""
+    return not found.design.calibrated and len(found.blocks.branches) < 2 and float(np.ptp(found.blocks.temperature_degc)) >= LEAST_SPAN_DEGC
 
 
 def _cannot_say(found: Analysis) -> str:
