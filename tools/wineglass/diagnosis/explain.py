@@ -21,7 +21,7 @@ from wineglass.diagnosis.system import FOLDS, Products
 
 FORM = 0.03
 INCLUSION = 0.02
-GENERIC_PRIOR = 0.01  # that a channel holds a discrepancy of no known kind
+GENERIC_PRIOR = 0.003  # that a channel holds a discrepancy of no known kind
 GENERIC_SIZES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 KEPT_VARIANTS = 2
 KEPT_PAIRS = 40

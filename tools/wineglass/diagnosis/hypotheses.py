@@ -12,11 +12,13 @@ from wineglass.diagnosis.explain import GENERIC_PRIOR, INCLUSION
 from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER
 
 if TYPE_CHECKING:
+    from wineglass.diagnosis.noise_level import NoiseEvidence
     from wineglass.diagnosis.twin_level import TwinAnalysis
 
 Ids = tuple[str, ...]
-SEEN_IN_NOISE = frozenset({"excess_noise", "flicker_noise", "clock_jitter", "interference", "dropped_samples", "vibration", "thermometer_quantisation"})
-"""Effects that show in noise, lines, single events or codes: without a trace there they are not it."""
+TRACED = frozenset({"vibration", "dropped_samples", "thermometer_quantisation", "firmware_mismatch"})
+"""Effects that move slow channels, too, but never without a trace in noise, lines, events or codes: where that was looked for and not found,
+they are not it."""
 UNSEEN = -20.0
 CREDIBLE = 0.95
 SETTLED = 0.8
@@ -54,23 +56,23 @@ class Hypotheses:
         return tuple(e for e in best if e in EFFECTS)
 
 
-def weigh(found: TwinAnalysis, noise: dict[frozenset[str], float] | None) -> Hypotheses:
-    """noise: log evidence of sets of noise-like effects over none, from noise_level; None: nothing was looked at."""
+def weigh(found: TwinAnalysis, noise: NoiseEvidence | None) -> Hypotheses:
+    """noise: None where nothing was looked at."""
     logs: dict[Ids, float] = {}
 
     def add(ids: frozenset[str], value: float) -> None:
         key = tuple(sorted(ids)) if ids else (NONE,)
         logs[key] = float(np.logaddexp(logs[key], value)) if key in logs else value
 
-    traces = noise if noise is not None else {frozenset[str](): 0.0}
+    traces = noise.log_evidence if noise is not None else {frozenset[str](): 0.0}
+    excluded = frozenset(e for e in TRACED if noise is not None and noise.looks.get(e))
     no_generic = len(found.names) * np.log1p(-GENERIC_PRIOR)
     slow = [(frozenset[str](), found.none), *[(frozenset(c.support), c.entry) for c in found.closed if c.earned]]
     for support, entry in slow:
         with_other = entry.log_generic + np.log1p(-min(1.0 - 1e-12, np.exp(min(0.0, no_generic - entry.log_generic))))
         for trace, value in traces.items():
             extra = len([e for e in trace if e in EFFECTS and e not in support]) * np.log(INCLUSION / (1.0 - INCLUSION))
-            missing = support & SEEN_IN_NOISE - trace
-            penalty = UNSEEN * len(missing) if noise is not None else 0.0
+            penalty = UNSEEN * len((support & excluded) - trace)
             both = support | trace
             add(both, entry.log_evidence + no_generic + value + extra + penalty)
             add(both | {OTHER}, entry.log_evidence + with_other + value + extra + penalty)

@@ -15,7 +15,7 @@ from wineglass.diagnosis.floors import ORDER, Floor
 
 FOLDS = 5
 TRANSIENT = 3e-4  # of the change from frame to frame: what the primary's channels are not to be believed to while a loop settles
-LEAST_NOISE = 0.8  # of the described floor
+LEAST_NOISE, MOST_NOISE = 0.8, 1.3  # of the described floor; more may be a gap that moves fast
 JUMP = 1e-3  # of the change from frame to frame, where the rate steps: recorded means do not say how the step went
 SETTLING = ("primary_in_phase", "drive_level", "drive_frequency")
 REDUNDANT = ("rate_uncompensated", "rate", "quadrature")
@@ -42,6 +42,15 @@ class System:
         for i in range(len(self.names)):
             found[..., i, :] = self.floor.whiten(i, np.where(self.weight[i] > 0, series[..., i, :], 0.0)) * self.weight[i]
         return found
+
+    def noise_left(self, left: np.ndarray) -> np.ndarray:
+        """(channels,): size of the noise in a whitened residual (channels, n), in floors."""
+        sizes = []
+        for i, row in enumerate(left):
+            use = self.weight[i] > 0.5
+            change = np.diff(row)[use[1:] & use[:-1]]
+            sizes.append(spread(change) if len(change) > 20 else 1.0)
+        return np.array(sizes)
 
     @property
     def n_rows(self) -> np.ndarray:
@@ -74,8 +83,13 @@ def _scaled(floor: Floor, weight: np.ndarray, difference: np.ndarray) -> Floor:
         use = weight[i] > 0.5
         white = floor.whiten(i, np.where(weight[i] > 0, row, 0.0))
         change = np.diff(white)[use[1:] & use[:-1]]
-        factors.append(max(LEAST_NOISE, float(np.median(np.abs(change))) / (0.6745 * np.sqrt(2.0))) if len(change) > 20 else 1.0)
+        factors.append(min(MOST_NOISE, max(LEAST_NOISE, spread(change))) if len(change) > 20 else 1.0)
     return Floor(floor.rms * factors, floor.innovation * factors, floor.coefficients)
+
+
+def spread(change: np.ndarray) -> float:
+    """Standard deviation of white noise from its changes, whatever moves slowly."""
+    return float(np.median(np.abs(change))) / (0.6745 * np.sqrt(2.0))
 
 
 def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray) -> np.ndarray:

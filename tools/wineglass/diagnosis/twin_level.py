@@ -108,13 +108,13 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
                          regressors(driven, bench, base))
     columns = built.whiten(found.values[:, pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
     table = system.products(built, columns)
-    ranking, softening = _ranked(table, found)
+    ranking = _ranked(table, found)
     advance()
     closer = Closer(bench, built, found, pick, columns[: len(found.nuisances)])
     closed = _with_parts(closer, [closer.close(entry) for entry in _worth_closing(ranking)])
     advance()
     counts = {effect: len(variants) for effect, variants in found.variants.items()}
-    closed, softening, none = _weighed(closed, table, found, counts, softening)
+    closed, softening, none = _weighed(built, closed, table, found, counts)
     held_none = explain.held_out(table, softening, list(found.nuisances))
     _hold_out(closed, held_none, softening)
     return TwinAnalysis(driven, grid, recorded, base, _picked(floor, pick), pick, bench, found, built, table, none, closed, softening, held_none)
@@ -190,14 +190,14 @@ def _unit(values: np.ndarray) -> np.ndarray:
     return values / max(float(np.max(np.abs(values))), 1e-300)
 
 
-def _ranked(table: system.Products, found: Responses) -> tuple[explain.Ranking, np.ndarray]:
+def _ranked(table: system.Products, found: Responses) -> explain.Ranking:
     """What forms are worth depends on how much is explained, and the other way round: three rounds settle it."""
     softening = np.ones(len(table.generic))
     for _ in range(3):
         ranking = explain.rank(table, found, softening)
         best = ranking.entries[0]
         softening = explain.softening_of(ranking.none, best)
-    return ranking, softening
+    return ranking
 
 
 def _worth_closing(ranking: explain.Ranking) -> list[Explained]:
@@ -228,15 +228,17 @@ def _with_parts(closer: Closer, closed: list[Closed]) -> list[Closed]:
     return list(found.values())
 
 
-def _weighed(closed: list[Closed], table: system.Products, found: Responses, counts: dict[str, int], softening: np.ndarray
+def _weighed(built: System, closed: list[Closed], table: system.Products, found: Responses, counts: dict[str, int]
              ) -> tuple[list[Closed], np.ndarray, Explained]:
-    """Evidence of all closures, with forms believed as far as the simplest good explanation earns it."""
+    """Evidence of all closures: noise as large as the best one leaves it, forms believed as far as the simplest good one earns it."""
     nuisances = len(found.nuisances)
     ones = np.ones(len(table.generic))
     none = explain.explained(table, ones, nuisances, [], (), 0.0)
     for entry in closed:
         entry.weigh(ones, nuisances, counts)
-    softening = _earned(closed, none)
+    best = min(closed, key=lambda c: float(np.sum(c.entry.left)), default=None)
+    noise = np.maximum(1.0, built.noise_left(built.data if best is None else built.data - built.whiten(best.response))) ** 2
+    softening = _earned(closed, none) * noise
     none = explain.explained(table, softening, nuisances, [], (), 0.0)
     for entry in closed:
         entry.weigh(softening, nuisances, counts)

@@ -14,6 +14,7 @@ from wineglass.diagnosis.confirmation import Change, Confirmed
 from wineglass.diagnosis.contract import (ChannelShrink, Diagnosis, EffectFound, Hypothesis, NextExperiment, Parameter, Provenance, Region, Shrink,
                                           TotalShrink, Where)
 from wineglass.diagnosis.hypotheses import SETTLED, Hypotheses, Ids
+from wineglass.diagnosis.noise_level import NoiseEvidence
 from wineglass.diagnosis.responses import POLAR
 from wineglass.diagnosis.twin_level import ENGINE, TwinAnalysis
 from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, stage_of
@@ -26,6 +27,7 @@ PLACES = {"primary_in_phase": ("primary", "level"), "primary_quadrature": ("prim
           "rate_uncompensated": ("coupling", "in_phase"), "quadrature": ("coupling", "quadrature"), "temperature_measured": ("temperature", "temperature")}
 """Where a gap that nothing explains is booked: the stage that the channel reads"""
 Z95 = 1.96
+LARGEST = 1e9  # of a ratio: where there is no noise at all
 
 
 @dataclass(frozen=True)
@@ -75,15 +77,15 @@ class Verdict:
     confirmed: Confirmed
 
 
-def diagnose(found: TwinAnalysis, weighed: Hypotheses, source: Source) -> Verdict:
+def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | None, source: Source) -> Verdict:
     outcome = decide(found, weighed)
     confirmed = confirmation.confirm(found, outcome.chosen)
     listed = _hypotheses(weighed)
-    named = _effects(found, outcome, confirmed, listed)
+    named = _effects(found, outcome, confirmed, listed, noise)
     diagnosis = Diagnosis(
-        verdict=outcome.verdict, sentence=sentence(outcome, confirmed), where=_where(found, outcome, confirmed, named), hypotheses=listed,
+        verdict=outcome.verdict, sentence=sentence(outcome, confirmed), where=_where(found, outcome, confirmed, named, noise), hypotheses=listed,
         effects=named, alternatives=[list(ids) for ids in outcome.named] if outcome.verdict == "ambiguous" else [],
-        shrink=_shrink(found, confirmed), next_experiment=_next(found, outcome), notes=[*source.notes, *found.driven.notes],
+        shrink=_shrink(found, outcome, confirmed), next_experiment=_next(found, outcome), notes=[*source.notes, *found.driven.notes, *(noise.notes if noise is not None else [])],
         provenance=Provenance(program=f"wineglass {__version__}", engine=ENGINE, recording=source.recording, sha256=source.sha256,
                               device=found.driven.run.device.name, firmware=source.firmware))
     return Verdict(diagnosis, outcome, confirmed)
@@ -117,7 +119,8 @@ def _hypotheses(weighed: Hypotheses) -> list[Hypothesis]:
 # --- effects ---------------------------------------------------------------------------------------------------------------
 
 
-def _effects(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, listed: list[Hypothesis]) -> list[EffectFound]:
+def _effects(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, listed: list[Hypothesis], noise: NoiseEvidence | None
+             ) -> list[EffectFound]:
     named = sorted({e for ids in outcome.named for e in ids if e in EFFECTS})
     shares = {e: s for ids in reversed(outcome.named) for e, s in _shares(found, found.closed_for(ids)).items()}
     total = max(1.0, sum(shares.get(e, 0.0) for e in named))
@@ -125,7 +128,9 @@ def _effects(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, listed
     for name in named:
         holder = next((found.closed_for(ids) for ids in outcome.named if name in ids), None)
         values, covariance = _estimate(found, holder, outcome, confirmed)
-        numbers = _parameters(holder, name, values, covariance) if holder is not None else []
+        numbers = _parameters(holder, name, values, covariance) if holder is not None and name in holder.support else []
+        if not numbers and noise is not None:
+            numbers = [Parameter(name=n, value=v, interval=(min(low, v), max(high, v)), unit=unit) for n, v, (low, high), unit in noise.parameters(name)]
         confidence = min(1.0, sum(h.probability for h in listed if name in h.ids))
         result.append(EffectFound(id=name, stage=stage_of(name), confidence=confidence, parameters=numbers, share=shares.get(name, 0.0) / total))
     return sorted(result, key=lambda e: -e.confidence)
@@ -198,19 +203,35 @@ def _unit(effect: str, name: str) -> str:
 # --- where -----------------------------------------------------------------------------------------------------------------
 
 
-def _where(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, named: list[EffectFound]) -> list[Where]:
+def _where(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, named: list[EffectFound], noise: NoiseEvidence | None) -> list[Where]:
     if outcome.verdict in ("no_gap", "insufficient"):
         return []
     places: dict[tuple[str, str], float] = {}
-    for effect in named:
+    slow = {e for closed in found.closed for e in closed.support}
+    for effect in (e for e in named if e.id in slow):
         key = (effect.stage, component_of(effect.id))
         places[key] = places.get(key, 0.0) + effect.share
     rest = max(0.0, 1.0 - sum(places.values()))
     changes = {change.channel: change for change in confirmed.changes}
     entries = [_named_place(found, changes, named, place, share) for place, share in places.items()]
+    entries += _traces(found, named, slow, noise, rest)
     if outcome.verdict == "unknown":
         entries += _unexplained(found, outcome, changes, rest)
     return sorted(entries, key=lambda w: -w.share)
+
+
+def _traces(found: TwinAnalysis, named: list[EffectFound], slow: set[str], noise: NoiseEvidence | None, rest: float) -> list[Where]:
+    """Of the effects that only noise, lines, events or codes show: they share what slow channels do not."""
+    mine = [e for e in named if e.id not in slow]
+    time_s = found.grid.time_s
+    whole = Region(variable="time", start=float(time_s[0]), stop=float(time_s[-1]), unit="s")
+    entries = []
+    for effect in mine:
+        seen = next((w for w in (noise.where if noise is not None else []) if w[0] == effect.stage), None)
+        channel, component, ratio = (seen[1], seen[2], min(abs(float(seen[3])), LARGEST)) if seen else (found.names[0], component_of(effect.id), 1.0)
+        entries.append(Where(stage=effect.stage, channel=channel, component=component, share=rest / len(mine), region=whole, size=ratio,
+                             unit="floor", ratio_over_floor=ratio))
+    return entries
 
 
 def _named_place(found: TwinAnalysis, changes: dict[str, Change], named: list[EffectFound], place: tuple[str, str], share: float) -> Where:
@@ -254,13 +275,14 @@ def _region(found: TwinAnalysis, series: np.ndarray) -> Region:
 # --- shrink and what is next -------------------------------------------------------------------------------------------------
 
 
-def _shrink(found: TwinAnalysis, confirmed: Confirmed) -> Shrink:
-    channels = [ChannelShrink(channel=c.channel, before=c.before, after=c.after, floor=c.floor, unit=unit_of(c.channel), fraction=c.fraction,
-                              interval=c.interval) for c in confirmed.changes]
+def _shrink(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed) -> Shrink:
+    gap = outcome.verdict != "no_gap"
+    channels = [ChannelShrink(channel=c.channel, before=c.before, after=c.after, floor=c.floor, unit=unit_of(c.channel),
+                              fraction=c.fraction if gap else None, interval=c.interval if gap else None) for c in confirmed.changes]
     total = confirmed.total
-    there = total.fraction is not None
+    there = gap and total.fraction is not None
     whole = TotalShrink(before=total.before if there else None, after=total.after if there else None, floor=1.0 if there else None,
-                        fraction=total.fraction, interval=total.interval)
+                        fraction=total.fraction if there else None, interval=total.interval if there else None)
     return Shrink(channels=channels, all=whole, held_out=confirmation.held_out_text(found), computed_by=COMPUTED_BY)
 
 

@@ -1,0 +1,56 @@
+"""A recording through the twin-level engine, from file to diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from wineglass.device import Device
+from wineglass.diagnosis import hypotheses, noise_level, soundness, twin_level, twin_verdict
+from wineglass.diagnosis.evidence import file_hash
+from wineglass.diagnosis.hypotheses import Hypotheses
+from wineglass.diagnosis.noise_level import NoiseEvidence
+from wineglass.diagnosis.twin_level import TwinAnalysis
+from wineglass.diagnosis.twin_verdict import Source, Verdict
+from wineglass.recording import Recording
+
+STEPS = 6
+NEEDED = ("drive_frequency", "drive_level")
+LEAST_FRAMES = 120
+
+
+@dataclass(frozen=True)
+class Examined:
+    """Everything that was found out about one recording."""
+
+    analysis: TwinAnalysis
+    noise: NoiseEvidence
+    hypotheses: Hypotheses
+    verdict: Verdict
+
+
+def applies(recording: Recording, device: Device | None) -> bool:
+    """The twin level needs a described device and its baseband, long enough for held-out stretches."""
+    if device is None or "baseband" not in recording:
+        return False
+    tap = recording.tap("baseband")
+    return all(name in tap for name in NEEDED) and twin_level.channels.grid_of(recording).count >= LEAST_FRAMES
+
+
+def examine(path: Path, device: str | Path | None = None, advance: Callable[[], None] = lambda: None,
+            without: frozenset[str] = frozenset()) -> Examined | None:
+    """None where the twin level does not apply. without: effects taken out of the catalogue (for tests of honesty)."""
+    digest = file_hash(path)
+    with Recording.open(path, tolerant=True) as recording:
+        described = soundness.described(recording, device)
+        if not applies(recording, described):
+            return None
+        notes = soundness.check(recording, described)
+        noise = noise_level.examine(recording, described)
+        advance()
+        found = twin_level.analyse(recording, described, without, advance)
+        weighed = hypotheses.weigh(found, noise)
+        source = Source(str(path), digest, recording.firmware_version or None, tuple(notes))
+        verdict = twin_verdict.diagnose(found, weighed, noise, source)
+    return Examined(found, noise, weighed, verdict)
