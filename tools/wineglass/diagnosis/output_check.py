@@ -24,6 +24,10 @@ PIECE_S = 1.0
 QUIET_FACTOR = 8.0
 """a piece is left out when the rate moves within it so many times more than in the quieter half of all"""
 LEAST_PIECES = 8
+LEVER_RAD_S = 0.01
+"""span of steady rates below which a scale cannot be told from an offset"""
+STEADY = 1e-3
+"""of the primary amplitude, within a piece"""
 TOLERANCE = {"scale": 3e-5, "bias": 1e-3, "offset": 2e-8}
 """what rounding, the output filter and the means of a changing temperature may leave: relative, relative, rad/s"""
 PRIOR = {"scale": 0.03, "bias": 0.2, "offset": 1e-3}
@@ -152,7 +156,11 @@ class _Comparison:
         measured = pieces.of(self._output, self._output[channel if channel in self._output else "rate"])
         predicted = pieces.of(self._baseband, self._predicted(), self._filter_s)
         quiet = pieces.quiet(self._baseband, self._predicted())
-        fit = _fit(measured[quiet], np.stack([predicted[quiet], np.ones(np.count_nonzero(quiet))]), np.array([1.0, 0.0]))
+        ones = np.ones(np.count_nonzero(quiet))
+        if np.ptp(predicted[quiet]) < LEVER_RAD_S:
+            offset, sigma = _fit(measured[quiet] - predicted[quiet], ones[None], np.array([0.0]))
+            return [Deviation("offset", offset[0], math.hypot(sigma[0], TOLERANCE["offset"]))]
+        fit = _fit(measured[quiet], np.stack([predicted[quiet], ones]), np.array([1.0, 0.0]))
         return [Deviation("scale", fit[0][0], math.hypot(fit[1][0], TOLERANCE["scale"])),
                 Deviation("offset", fit[0][1], math.hypot(fit[1][1], TOLERANCE["offset"]))]
 
@@ -193,8 +201,14 @@ class _Pieces:
         bits = np.nan_to_num(good, nan=0.0).astype(np.int64)
         wanted = int(Status.LOCKED)
         bad = (bits & wanted == 0) | (bits & int(Status.OVERFLOW | Status.TEST_ACTIVE | Status.REBALANCE_SATURATED) != 0)
-        self._sound = self._fold(baseband, bad.astype(float), np.sum) == 0
+        self._sound = (self._fold(baseband, bad.astype(float), np.sum) == 0) & self._steady_amplitude(baseband)
         self.times_s = 0.5 * (self.edges[1:] + self.edges[:-1])
+
+    def _steady_amplitude(self, baseband: Tap) -> np.ndarray:
+        """Pieces in which the shell neither grows nor rings down: there a ratio of means is the mean of ratios; (pieces,) bool."""
+        amplitude = np.hypot(baseband["primary_in_phase"], baseband["primary_quadrature"])
+        with np.errstate(invalid="ignore"):
+            return self._fold(baseband, amplitude, np.std) < STEADY * self._fold(baseband, amplitude, np.mean)
 
     @property
     def count(self) -> int:

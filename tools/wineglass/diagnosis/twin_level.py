@@ -83,9 +83,10 @@ class TwinAnalysis:
         return self.system.names
 
     def closed_for(self, ids: Iterable[str]) -> Closed | None:
-        """The closed explanation with just these effects, those apart that leave no trace in slow channels."""
-        wanted = {effect for effect in ids if effect in self.responses.variants}
-        return next((entry for entry in self.closed if set(entry.support) == wanted), None)
+        """The closed explanation with most of these effects and no others: some leave a trace in noise or codes only."""
+        wanted = set(ids)
+        able = [entry for entry in self.closed if set(entry.support) <= wanted]
+        return max(able, key=lambda entry: len(entry.support), default=None)
 
 
 def analyse(recording: Recording, described: Device | None = None, without: frozenset[str] = frozenset(),
