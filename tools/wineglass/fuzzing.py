@@ -35,11 +35,11 @@ class Row:
     what: str
 
 
-def fuzz(seconds: float, progress: Callable[[], None] | None = None, harnesses: list[str] | None = None) -> list[Row]:
-    """Runs the harnesses for `seconds` together, on all cores; progress() is called as each ends."""
+def fuzz(seconds: float, progress: Callable[[], None] | None = None, harnesses: list[str] | None = None, cores: int | None = None) -> list[Row]:
+    """Runs the harnesses for `seconds` together, on all cores unless told; progress() is called as each ends."""
     chosen = _chosen(harnesses)
     folder = _build()
-    jobs = min(build.jobs(), len(chosen))
+    jobs = min(cores or build.jobs(), len(chosen))
     share = max(1, round(seconds * jobs / len(chosen)))
 
     def work(harness: str) -> Row:
