@@ -355,6 +355,19 @@ def played(tmp_path, items, duration_s=4.0):
     return Recording.open(path)
 
 
+def test_the_drive_is_switched_by_hand(tmp_path, capsys):
+    socket = tmp_path / "gyro.sock"
+    run = scenario.prepare(scenario.Scenario(device="metal-fast", duration_s=10.0))
+    with link_serve.listen_unix(socket) as listener:
+        thread = threading.Thread(target=link_serve.serve, args=(run, listener, 4.0), daemon=True)
+        thread.start()
+        for state, expected in (("off", True), ("on", False)):
+            assert cli.main(["-q", "device", "--port", str(socket), "--drive", state]) == 0
+            assert cli.main(["device", "--port", str(socket), "--json"]) == 0
+            assert ("drive off" in json.loads(capsys.readouterr().out)["status"]["bits"]) == expected
+        thread.join(60.0)
+
+
 def test_a_busy_device_is_asked_again(tmp_path):
     """A burst of 0.6 s, and a command in the middle of it: it is taken when the burst is over."""
     recording = played(tmp_path, 'burst = [{ time_s = 1.5, samples = 30000 }]\ncommand = [{ at_s = 1.7, kind = "amplitude", set_point_fs = 0.8 }]')

@@ -25,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     mode.add_argument("--rebalance", type=float, nargs=4, metavar=("KP", "KI", "IN_PHASE", "QUADRATURE"),
                       help="rebalance loop [FS/FS, 1/s] and its force limits [FS]")
     mode.add_argument("--test-force", type=float, nargs=3, metavar=("IN_PHASE", "QUADRATURE", "HZ"), help="force on the secondary axis [FS, FS, Hz]")
+    mode.add_argument("--drive", choices=("on", "off"), help="off: the shell rings down; on: driven again, without a cold start")
     mode.add_argument("--baseband-hz", type=float, metavar="HZ", help="rate of baseband frames, 0: off")
     mode.add_argument("--output-hz", type=float, metavar="HZ", help="rate of output frames, 0: off")
     mode.add_argument("--restart", action="store_true", help="acquisition from cold")
@@ -69,6 +70,7 @@ def _settings(args: argparse.Namespace, session: Any, identity: Any) -> list[Any
         "compensation": (encoder.compensation, args.compensation and (args.compensation,)),
         "filter": (encoder.output_filter, args.filter and (args.filter,)),
         "test force": (encoder.test_signal, args.test_force and (*args.test_force, loop_hz)),
+        "drive": (encoder.drive, args.drive and (args.drive == "on",)),
         "restart": (encoder.restart, () if args.restart else None),
     }
     refusals = []
