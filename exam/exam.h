@@ -62,7 +62,7 @@ struct exam_cfg {
     double sample_rate_hz, carrier_hz; /* nominal */
     uint32_t block_samples;            /* 1 .. 4096 */
     uint32_t adc_bits, dac_bits;
-    uint32_t dac_latency_samples;      /* 0 .. 6 */
+    uint32_t dac_latency_samples;      /* 0 .. 126 */
     uint32_t serial;
     uint64_t seed;
     uint32_t amplitude_power;          /* of STIFFENING and THICKENING: 1, 2 or 4 */

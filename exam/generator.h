@@ -9,7 +9,7 @@
 #include "exam/random.h"
 #include "exam/shell.h"
 
-enum { EXAM_FORCES = 8, EXAM_LATENCY_MAX = EXAM_FORCES - 2, EXAM_TONES = 3 };
+enum { EXAM_FORCES = 128, EXAM_LATENCY_MAX = EXAM_FORCES - 2, EXAM_TONES = 3 };
 
 /* A tone's phasor, turned once a sample. */
 struct exam_tone {

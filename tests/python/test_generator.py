@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from wineglass import device as devices
+from wineglass import paths
 from wineglass.blind import generator
 from wineglass.blind.generator import Applied, making, native, unit
 from wineglass.blind.generator.native import ffi, library
@@ -231,3 +232,13 @@ def test_the_oracle_sees_nothing_in_a_null(plain):
 def test_the_library_has_no_twin_in_it():
     text = native.library_path().read_bytes()
     assert b"exam_run" in text and b"twin_create" not in text and b"envelope_create" not in text
+
+
+def test_the_page_lists_every_variant_with_its_size():
+    text = (paths.repository_root() / "docs/GENERATOR.md").read_text(encoding="utf-8")
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.count("|") == 6]
+    listed, current = set(), ""
+    for effect, name, unit_text, typical, _ in rows:
+        current = effect.strip("`") or current
+        listed.add((current, name.strip("`"), unit_text, typical))
+    assert {(one.id, one.name, one.unit, f"{one.typical:g}") for one in VARIANTS} <= listed

@@ -137,7 +137,7 @@ def test_normal_numbers():
     assert abs(np.corrcoef(first[1:], first[:-1])[0, 1]) < 5 / math.sqrt(n)
 
 
-@pytest.mark.parametrize("changes", [dict(sample_rate_hz=0.0), dict(carrier_hz=30_000.0), dict(block_samples=0), dict(dac_latency_samples=7),
+@pytest.mark.parametrize("changes", [dict(sample_rate_hz=0.0), dict(carrier_hz=30_000.0), dict(block_samples=0), dict(dac_latency_samples=127),
                                      dict(jitter_memory=1.0)])
 def test_impossible_plants_are_refused(changes):
     assert exam(**changes) == ffi.NULL

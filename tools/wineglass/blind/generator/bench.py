@@ -63,11 +63,12 @@ def _write_events(world: World, writer: RecordingWriter) -> None:
     scenario, rate_hz = world.scenario, world.described.electronics.sample_rate_hz
     open_text = scenario.model_copy(update={"plant": NoPlant(), "seed": 0}).model_dump_json(exclude_none=True)
     writer.event("scenario", open_text, sample=0)
-    named = [(segment.begin_s, "segment", segment.name) for segment in getattr(scenario, "segment", [])]
-    knots = [(at_s, "segment", what) for what, profile in (("temperature", scenario.temperature), ("rate", scenario.rate))
-             for at_s in profile.boundaries_s if 0 < at_s < scenario.duration_s]
+    segments = [(segment.begin_s, "segment", segment.name) for segment in scenario.segment if segment.begin_s < scenario.duration_s]
+    if not segments:
+        segments = [(at_s, "segment", what) for what, profile in (("temperature", scenario.temperature), ("rate", scenario.rate))
+                    for at_s in profile.boundaries_s if 0 < at_s < scenario.duration_s]
     commands = [(command.at_s, "command", command.note()) for command in scenario.command]
-    for time_s, kind, what in sorted((named or knots) + commands):
+    for time_s, kind, what in sorted([*segments, *commands], key=lambda event: event[0]):
         writer.event(kind, what, sample=round(time_s * rate_hz))
 
 
