@@ -286,6 +286,19 @@ def test_the_printed_day_and_its_json(capsys):
     assert "11:50:00" in text and "drive off for 1.27 s" in text and "25.0 to 76.0" in text
 
 
+def test_a_description_of_one_s_own(tmp_path, monkeypatch):
+    """Script and scenario name it so that they work from any folder."""
+    (tmp_path / "here").mkdir()
+    (tmp_path / "there").mkdir()
+    (tmp_path / "here/unit7.toml").write_text('extends = "metal-fast"\nname = "unit7"\n[thermal]\nshell_time_constant_s = 1\n')
+    monkeypatch.chdir(tmp_path / "here")
+    assert cli.main(["-q", "protocol", "thermal", "--device", "unit7.toml", "--script", "../there/s.toml", "--scenario", "../there/t.toml"]) == 0
+    monkeypatch.chdir(tmp_path)
+    assert devices.load(bench_script.load(tmp_path / "there/s.toml").device).name == "unit7"
+    run = scenario.prepare(scenario.load(tmp_path / "there/t.toml"))
+    assert run.device.name == "unit7" and run.scenario.duration_s == pytest.approx(protocols.load("thermal").units)
+
+
 def test_script_and_scenario_files_read_back(tmp_path):
     script, made = tmp_path / "script.toml", tmp_path / "scenario.toml"
     assert cli.main(["-q", "protocol", "full", "--device", "metal-fast", "--loop", "rebalance", "--script", str(script), "--scenario", str(made)]) == 0

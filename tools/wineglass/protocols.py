@@ -188,7 +188,7 @@ def scenario(name: str | Path | Protocol, device: str | Device = DEVICE, loop: L
     parts = placed(protocol, described)
     record_hz = _record_hz(protocol, described)
     made = Scenario(
-        name=protocol.name, description=protocol.description, device=described.name if isinstance(device, Device) else device,
+        name=protocol.name, description=protocol.description, device=_named(device),
         duration_s=parts[-1].end_s, seed=seed, temperature=_temperature(parts), rate=_rate(parts, described, loop),
         mode=Mode(loop=loop, output_filter_hz=OUTPUT_FILTER * described.slow_rate_hz),
         recording=Recording(baseband_hz=record_hz, output_hz=record_hz, reference_hz=record_hz,
@@ -204,6 +204,13 @@ def segments(scenario_or_protocol: Scenario | Protocol | str, device: str | Devi
     if isinstance(scenario_or_protocol, Scenario):
         return list(scenario_or_protocol.segment)
     return list(scenario(scenario_or_protocol, device, loop).segment)
+
+
+def _named(device: str | Device) -> str:
+    """As a scenario names it: a file by its whole path, so that the scenario may be written anywhere."""
+    if isinstance(device, Device):
+        return device.name
+    return str(devices.find(device).resolve()) if device.endswith(".toml") else device
 
 
 def cut(run: Scenario, duration_s: float) -> Scenario:
