@@ -56,6 +56,20 @@ def test_another_block_in_the_device_is_measured(tmp_path, mode, scale, bias):
     assert max(item.log_evidence for item in found.values()) > 20
 
 
+def test_noise_of_the_forces_is_no_scale_error(tmp_path):
+    """At rest nothing but noise moves both sides, and not alike: the output is filtered. The scale then cannot be told."""
+    found = checked(make(tmp_path / "x.h5", "rebalance", "static", rate={"kind": "constant", "value_deg_s": 0.0}))
+    assert found.log_evidence < -2
+    assert abs(errors(found)["scale"].error) < 3 * errors(found)["scale"].sigma
+
+
+def test_another_loop_by_command_is_left_out(tmp_path):
+    found = checked(make(tmp_path / "x.h5", "rebalance", "static", command=[
+        {"kind": "loop", "at_s": 22.0, "mode": "open"}, {"kind": "loop", "at_s": 28.0, "mode": "rebalance"},
+        {"kind": "loop", "at_s": 52.0, "mode": "open"}]))
+    assert found.log_evidence < -3 and 10 < found.pieces < 45
+
+
 def test_an_output_multiplied_afterwards_is_found_in_its_scale(sound, tmp_path):
     copy = tmp_path / "copy.h5"
     shutil.copy(sound["rebalance", "static"], copy)

@@ -11,13 +11,13 @@ import numpy as np
 from scipy.special import gammainc, gammaincinv
 
 from wineglass.calibration_block import Calibration
+from wineglass.diagnosis.recorded_modes import foreign_spans, settling_s
 from wineglass.recording.reader import Recording, Tap
 from wineglass.wire import Status
 
 LENGTH = 256
 TAPERS = 2
 KEPT = 0.75
-SETTLING_DECAYS, SETTLING_LONGEST_S = 10.0, 8.0
 LEAST_WINDOWS = 4
 _BAD = int(Status.TEST_ACTIVE | Status.OVERFLOW | Status.REBALANCE_SATURATED | Status.ACQUIRING | Status.DRIVE_SATURATED)
 
@@ -84,7 +84,7 @@ def quiet(recording: Recording, tap: Tap, calibration: Calibration | None, lengt
     """Windows of a tap in which only noise should move. skip_s: instants of single events, which no window may hold, (k,)"""
     usable = _usable(recording, tap, calibration)
     for instant in np.empty(0) if skip_s is None else skip_s:
-        usable &= ~((tap.time_s > instant - 0.2) & (tap.time_s < instant + _settling_s(calibration)))
+        usable &= ~((tap.time_s > instant - 0.2) & (tap.time_s < instant + settling_s(calibration)))
     first, at = [], 0
     blocked = np.concatenate([[0], np.cumsum(~usable)])
     while at + length <= len(tap):
@@ -113,7 +113,7 @@ def trimmed(power: np.ndarray, shape: float) -> np.ndarray:
 def _usable(recording: Recording, tap: Tap, calibration: Calibration | None) -> np.ndarray:
     """Samples of the tap at which the device was well and left alone, (n,) bool."""
     usable = tap.valid.copy()
-    settle_s = _settling_s(calibration)
+    settle_s = settling_s(calibration)
     if "baseband" in recording and "status" in recording.tap("baseband"):
         base = recording.tap("baseband")
         bits = np.where(base.lost, 0, np.nan_to_num(base["status"])).astype(np.int64)
@@ -121,15 +121,12 @@ def _usable(recording: Recording, tap: Tap, calibration: Calibration | None) -> 
         usable &= ~_after(tap.time_s, base.time_s[wrong], 1.0 / base.sample_rate_hz, settle_s)
     moments = np.array([event.sample / recording.counter_rate_hz for event in recording.events if event.kind in ("command", "segment")])
     usable &= ~_after(tap.time_s, moments, 1.0 / tap.sample_rate_hz, settle_s)
+    for begin, end in foreign_spans(recording, calibration) if calibration is not None else []:
+        usable &= (tap.time_s < begin) | (tap.time_s > end)
     if "reference" in recording and "true_rate" in recording.tap("reference"):
         reference = recording.tap("reference")
         usable &= ~_after(tap.time_s, _moving_s(reference), 1.0 / reference.sample_rate_hz, settle_s)
     return usable
-
-
-def _settling_s(calibration: Calibration | None) -> float:
-    decay = calibration.decay_rate_per_s[0] if calibration is not None else 1.0
-    return min(SETTLING_DECAYS / decay, SETTLING_LONGEST_S)
 
 
 def _after(time_s: np.ndarray, moments_s: np.ndarray, before_s: float, after_s: float) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from wineglass.calibration_block import Calibration, from_binary, from_json
+from wineglass.diagnosis import recorded_modes
 from wineglass.errors import BadInput
 from wineglass.recording.reader import Recording, Tap
 from wineglass.wire import Status
@@ -24,10 +25,6 @@ PIECE_S = 1.0
 QUIET_FACTOR = 8.0
 """a piece is left out when the rate moves within it so many times more than in the quieter half of all"""
 LEAST_PIECES = 8
-LEVER_RAD_S = 0.01
-"""span of steady rates below which a scale cannot be told from an offset"""
-STEADY = 1e-3
-"""of the primary amplitude, within a piece"""
 TOLERANCE = {"scale": 3e-5, "bias": 1e-3, "offset": 2e-8}
 """what rounding, the output filter and the means of a changing temperature may leave: relative, relative, rad/s"""
 PRIOR = {"scale": 0.03, "bias": 0.2, "offset": 1e-3}
@@ -99,7 +96,7 @@ class _Comparison:
             if tap not in recording:
                 raise _Missing(f"the recording has no tap {tap}")
         self._baseband, self._output = recording.tap("baseband"), recording.tap("output")
-        self._end_s = _first_change_s(recording)
+        self._foreign = recorded_modes.foreign_spans(recording, calibration)
 
     def run(self) -> OutputCheck:
         needed = ["primary_in_phase", "primary_quadrature", "status", *self._read_channels()]
@@ -107,7 +104,7 @@ class _Comparison:
         missing += [name for name in ("temperature_measured",) if name not in self._output]
         if missing:
             raise _Missing(f"channel {missing[0]} is missing")
-        pieces = _Pieces(self._baseband, self._output, self._end_s)
+        pieces = _Pieces(self._baseband, self._output, self._foreign)
         found, notes = [], []
         for compare in (self._scale, self._bias):
             try:
@@ -157,10 +154,8 @@ class _Comparison:
         predicted = pieces.of(self._baseband, self._predicted(), self._filter_s)
         quiet = pieces.quiet(self._baseband, self._predicted())
         ones = np.ones(np.count_nonzero(quiet))
-        if np.ptp(predicted[quiet]) < LEVER_RAD_S:
-            offset, sigma = _fit(measured[quiet] - predicted[quiet], ones[None], np.array([0.0]))
-            return [Deviation("offset", offset[0], math.hypot(sigma[0], TOLERANCE["offset"]))]
-        fit = _fit(measured[quiet], np.stack([predicted[quiet], ones]), np.array([1.0, 0.0]))
+        instrument = _neighbours(np.where(quiet, measured, np.nan))[quiet]
+        fit = _fit(measured[quiet], np.stack([predicted[quiet], ones]), np.array([1.0, 0.0]), np.stack([instrument, ones]))
         return [Deviation("scale", fit[0][0], math.hypot(fit[1][0], TOLERANCE["scale"])),
                 Deviation("offset", fit[0][1], math.hypot(fit[1][1], TOLERANCE["offset"]))]
 
@@ -190,9 +185,9 @@ class _Comparison:
 class _Pieces:
     """The span that both taps cover, in pieces of a second, without those in which anything was invalid."""
 
-    def __init__(self, baseband: Tap, output: Tap, end_s: float):
+    def __init__(self, baseband: Tap, output: Tap, foreign: list[tuple[float, float]]):
         begin = max(tap.time_s[0] - 0.5 / tap.sample_rate_hz for tap in (baseband, output))
-        end = min(end_s, *(tap.time_s[-1] + 0.5 / tap.sample_rate_hz for tap in (baseband, output)))
+        end = min(tap.time_s[-1] + 0.5 / tap.sample_rate_hz for tap in (baseband, output))
         longest = max(PIECE_S, 4.0 / baseband.sample_rate_hz, 4.0 / output.sample_rate_hz)
         self.edges = np.arange(begin, end, longest)
         if len(self.edges) <= LEAST_PIECES:
@@ -201,14 +196,10 @@ class _Pieces:
         bits = np.nan_to_num(good, nan=0.0).astype(np.int64)
         wanted = int(Status.LOCKED)
         bad = (bits & wanted == 0) | (bits & int(Status.OVERFLOW | Status.TEST_ACTIVE | Status.REBALANCE_SATURATED) != 0)
-        self._sound = (self._fold(baseband, bad.astype(float), np.sum) == 0) & self._steady_amplitude(baseband)
+        self._sound = self._fold(baseband, bad.astype(float), np.sum) == 0
         self.times_s = 0.5 * (self.edges[1:] + self.edges[:-1])
-
-    def _steady_amplitude(self, baseband: Tap) -> np.ndarray:
-        """Pieces in which the shell neither grows nor rings down: there a ratio of means is the mean of ratios; (pieces,) bool."""
-        amplitude = np.hypot(baseband["primary_in_phase"], baseband["primary_quadrature"])
-        with np.errstate(invalid="ignore"):
-            return self._fold(baseband, amplitude, np.std) < STEADY * self._fold(baseband, amplitude, np.mean)
+        for first, last in foreign:
+            self._sound &= (self.edges[1:] < first) | (self.edges[:-1] > last)
 
     @property
     def count(self) -> int:
@@ -237,24 +228,26 @@ class _Pieces:
         return np.array([how(values[a:b]) if b > a else np.nan for a, b in zip(first[:-1], first[1:])])  # type: ignore[operator]
 
 
-def _fit(measured: np.ndarray, columns: np.ndarray, stated: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least squares of the difference from what is stated: errors and their standard deviations, each (m,). Errors that hang together between
-    neighbours count as fewer."""
-    sound = np.isfinite(measured) & np.all(np.isfinite(columns), axis=0)
+def _neighbours(values: np.ndarray) -> np.ndarray:
+    """Mean of the pieces before and after, where they are sound: has the same rate, mostly, and other noise. NaN where neither is; (n,)"""
+    padded = np.concatenate([[np.nan], values, [np.nan]])
+    pair = np.stack([padded[:-2], padded[2:]])
+    count = np.sum(np.isfinite(pair), axis=0)
+    return np.where(count > 0, np.nansum(pair, axis=0) / np.maximum(count, 1), np.nan)
+
+
+def _fit(measured: np.ndarray, columns: np.ndarray, stated: np.ndarray, instruments: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Fit of the difference from what is stated: errors and their standard deviations, each (m,). Errors that hang together between neighbours count
+    as fewer. instruments: where the columns are noisy themselves, what goes with them and not with their noise; like columns, (m, n)."""
+    instruments = columns if instruments is None else instruments
+    sound = np.isfinite(measured) & np.all(np.isfinite(columns), axis=0) & np.all(np.isfinite(instruments), axis=0)
     if np.count_nonzero(sound) < LEAST_PIECES:
         raise _Missing("too few steady pieces to compare output with baseband")
-    design, rest = columns[:, sound].T, measured[sound] - stated @ columns[:, sound]
-    inverse = np.linalg.pinv(design.T @ design)
-    error = inverse @ design.T @ rest
+    design, tool, rest = columns[:, sound].T, instruments[:, sound].T, measured[sound] - stated @ columns[:, sound]
+    inverse = np.linalg.pinv(tool.T @ design)
+    error = inverse @ tool.T @ rest
     residual = rest - design @ error
     memory = residual[1:] @ residual[:-1] / max(residual @ residual, 1e-300)
     inflation = (1.0 + max(0.0, memory)) / (1.0 - min(0.9, max(0.0, memory)))
     variance = residual @ residual / max(1, len(rest) - len(stated)) * inflation
-    return error, np.sqrt(np.diag(inverse) * variance) + 1e-300
-
-
-def _first_change_s(recording: Recording) -> float:
-    """Until when loop and compensation are those of the calibration block."""
-    changes = [event.sample for event in recording.events
-               if event.kind in ("command", "compensation", "loop") and event.sample > 0 and event.value.split(" ")[0] in ("loop", "compensation")]
-    return min(changes) / recording.counter_rate_hz if changes else math.inf
+    return error, np.sqrt(np.diag(inverse @ (tool.T @ tool) @ inverse.T) * variance) + 1e-300
