@@ -286,6 +286,20 @@ def test_the_printed_day_and_its_json(capsys):
     assert "11:50:00" in text and "drive off for 1.27 s" in text and "25.0 to 76.0" in text
 
 
+@pytest.mark.parametrize("device", ["metal-fast", "metal"])
+def test_the_profile_is_what_the_twin_does(device, tmp_path):
+    """Lines between its rows, against the scenario's own course at other times."""
+    path = tmp_path / "day.csv"
+    assert cli.main(["-q", "protocol", "full", "--device", device, "--profile", str(path)]) == 0
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    made = protocols.scenario("full", device)
+    assert rows[0, 0] == 0 and rows[-1, 0] == made.duration_s and np.all(np.diff(rows[:, 0]) > 0)
+    times = np.random.default_rng(1).uniform(0, made.duration_s, 20000)
+    assert np.abs(np.interp(times, rows[:, 0], rows[:, 1]) - made.temperature.at(times)).max() < 1e-3
+    assert np.abs(np.interp(times, rows[:, 0], rows[:, 2]) - np.degrees(made.rate.at(times))).max() < 0.03
+    assert path.read_text().startswith("time[s],chamber_temperature[degC],true_rate[deg/s]\n")
+
+
 def test_a_description_of_one_s_own(tmp_path, monkeypatch):
     """Script and scenario name it so that they work from any folder."""
     (tmp_path / "here").mkdir()

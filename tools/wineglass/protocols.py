@@ -39,6 +39,7 @@ OUTPUT_FILTER = 0.05  # corner, of the slow tick's rate
 DRIVE_OFF_AT = 0.25  # part of a ring-down's segment
 CHIRP_FROM, CHIRP_TO = 0.2, 4.0  # half bandwidths of the resonator
 CHIRP_CYCLES = 1.5, 6.0  # at least so many per segment at the chirp's first and last frequency
+CHIRP_POINTS = 50  # a cycle, in a table's profile
 TONE_CYCLES = 3.0  # at least so many per step of the test signal
 
 
@@ -204,6 +205,20 @@ def segments(scenario_or_protocol: Scenario | Protocol | str, device: str | Devi
     if isinstance(scenario_or_protocol, Scenario):
         return list(scenario_or_protocol.segment)
     return list(scenario(scenario_or_protocol, device, loop).segment)
+
+
+def profile(run: Scenario) -> np.ndarray:
+    """What chamber and table play, straight lines between rows: (n, 3) of time [s], chamber [degC], rate [deg/s]. A chirp has CHIRP_POINTS rows
+    in its shortest cycle."""
+    rates = run.rate.parts if isinstance(run.rate, SumRate) else [run.rate]
+    times = [np.array([0.0, run.duration_s]), np.array(run.temperature.boundaries_s), *(np.array(rate.boundaries_s) for rate in rates)]
+    for rate in rates:
+        if isinstance(rate, ChirpRate):
+            count = math.ceil(rate.duration_s * max(rate.start_hz, rate.end_hz) * CHIRP_POINTS)
+            times.append(rate.begin_s + rate.duration_s * np.arange(count + 1) / count)
+    rows = np.unique(np.round(np.concatenate(times), 6))
+    rows = rows[rows <= run.duration_s]
+    return np.column_stack([rows, run.temperature.at(rows), np.degrees(run.rate.at(rows))])
 
 
 def _named(device: str | Device) -> str:

@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--start", default="0:00", metavar="H:MM", help="time of day at which the recording starts")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of all noise, for --scenario")
     parser.add_argument("--script", type=Path, metavar="FILE.toml", help="write the device's commands with their times, for `record --script`")
+    parser.add_argument("--profile", type=Path, metavar="FILE.csv", help="write what chamber and rate table play: time, temperature, rate")
     parser.add_argument("--scenario", type=Path, metavar="FILE.toml", help="write the scenario, for `simulate` and both twins")
 
 
@@ -86,7 +87,7 @@ def _asked(part: Any, device: Any, loop: str) -> str:
 
 
 def _write(args: argparse.Namespace, scenario: Any) -> dict[str, Path]:
-    from wineglass import atomic, bench_script
+    from wineglass import atomic, bench_script, protocols
     from wineglass import scenario as scenarios
 
     written = {}
@@ -94,6 +95,10 @@ def _write(args: argparse.Namespace, scenario: Any) -> dict[str, Path]:
         title = f"protocol {scenario.name} on {args.device}, {args.loop} loop\n./wineglass record --port PORT --script {args.script.name} -o run.h5"
         atomic.write_text(args.script, bench_script.of(scenarios.prepare(scenario)).to_toml(title))
         written["script"] = args.script
+    if args.profile is not None:
+        rows = [f"{time_s:.4f},{degc:.4f},{rate:.6f}" for time_s, degc, rate in protocols.profile(scenario)]
+        atomic.write_text(args.profile, "\n".join(["time[s],chamber_temperature[degC],true_rate[deg/s]", *rows]) + "\n")
+        written["profile"] = args.profile
     if args.scenario is not None:
         atomic.write_text(args.scenario, scenario.to_toml())
         written["scenario"] = args.scenario
