@@ -65,7 +65,7 @@ def table(path, evidence):
 
 
 def test_the_command_writes_it_and_simulate_takes_it(tmp_path, capsys):
-    source = table(tmp_path / "t.csv", synthetic.make([synthetic.gradient(8e-3)], 11, synthetic.two_cycles))
+    source = table(tmp_path / "t.csv", synthetic.make([synthetic.gradient(4e-3)], 11, synthetic.two_cycles))
     assert main(["diagnose", str(source), "--apply", str(tmp_path / "better.toml")]) == 2
     assert "name the device" in capsys.readouterr().err and not (tmp_path / "better.toml").exists()
     assert main(["diagnose", str(source), "--device", "metal-fast", "--apply", str(tmp_path / "better.toml"), "-q"]) == 0

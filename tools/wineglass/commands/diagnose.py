@@ -106,8 +106,9 @@ def _page(args: argparse.Namespace, evidence: Evidence, found, diagnosis: Diagno
     if args.report is None:
         return ""
     from wineglass.report.page import render
+    from wineglass.report.view import of_rate_level
 
-    return render(evidence, found, diagnosis)
+    return render(of_rate_level(evidence, found, diagnosis))
 
 
 def _print(diagnosis: Diagnosis, args: argparse.Namespace, console: Console) -> None:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from wineglass.device import Device
 from wineglass.diagnosis.contract import Diagnosis, EffectFound
 from wineglass.effect_table import EffectTable
@@ -66,7 +64,7 @@ def _named(diagnosis: Diagnosis) -> set[str]:
 def _table(effect: EffectFound) -> EffectTable | None:
     record = find(effect.id)
     values = {p.name: p.value for p in effect.parameters}
-    known = {p.name: float(np.clip(values[p.name], p.low, p.high)) for p in record.parameters if p.name in values}
+    known = {p.name: values[p.name] for p in record.parameters if p.name in values and p.low <= values[p.name] <= p.high}
     return EffectTable(id=effect.id, parameters=known) if any(p.strength and p.name in known for p in record.parameters) else None
 
 

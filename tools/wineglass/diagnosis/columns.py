@@ -17,10 +17,12 @@ STATIC_ORDER = 3  # of the nominal curve where no calibration is known
 CROSS_ORDER = 5  # what the firmware's polynomial holds
 LAG_SHARES = (0.01, 0.6)  # time constants, of a thermal branch
 LAG_STEPS = 8
+LOG_LAG_STEP = float(np.log(LAG_SHARES[1] / LAG_SHARES[0])) / (LAG_STEPS - 1)
 LAG_POLES = (1, 3)  # one pole, or as heat that creeps through a wall
 SLOPE_NOISE = 0.004  # of the slope: what the thermometer's noise may make of it
 WIDEST_SLOPE = 0.02  # of the record, to each side
 AGEING_TIMES = (0.0, 0.02, 0.06, 0.15, 0.4, 1.0)  # time constants of log ageing, of the record; 0 is linear
+LOG_AGEING_STEP = float(np.log(2.6))  # between neighbours of them
 TWO_PART_TIMES = (0.02, 0.15)  # of logarithmic with linear ageing
 PLAY_WIDTHS = (0.06, 0.15, 0.3, 0.55, 0.9)  # half widths of play, of half the temperature span
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wineglass.diagnosis.bayes import Fit
-from wineglass.diagnosis.columns import Design, Variant
+from wineglass.diagnosis.columns import LOG_AGEING_STEP, LOG_LAG_STEP, Design, Variant
 from wineglass.diagnosis.contract import Parameter
 
 DRAWS = 2000
@@ -64,13 +64,16 @@ def _draw(design: Design, fit: Fit, effect: str, count: int, rng: np.random.Gene
         coefficients = fit.mean[places] + rng.standard_normal((count, len(places))) @ factor.T
     physical = coefficients * design.scale[list(variant.columns)] if places else coefficients
     if effect == "thermometer_lag":
-        return [("lag_s", "s", np.full(count, variant.value))]
+        between = np.exp(0.5 * LOG_LAG_STEP * rng.uniform(-1.0, 1.0, count))  # the time constants tried are that far apart
+        return [("lag_s" if variant.value > 0 else "bias_lag_s", "s", abs(variant.value) * between)]
     if effect == "thermal_gradient":
         return [("bias_rad_s_per_degc_s", "rad/s/(degC/s)", physical[:, 0])]
     if effect == "ageing" and variant.shape == "linear":
         return [("linear_rad_s_per_h", "rad/s/h", 3600.0 * physical[:, 0])]
     if effect == "ageing":
-        return [("logarithmic_rad_s", "rad/s", physical[:, 0]), ("time_constant_s", "s", np.full(count, variant.value))]
+        between = np.exp(0.5 * LOG_AGEING_STEP * rng.uniform(-1.0, 1.0, count))
+        line = [("linear_rad_s_per_h", "rad/s/h", 3600.0 * physical[:, 1])] if physical.shape[1] > 1 else []
+        return [("logarithmic_rad_s", "rad/s", physical[:, 0]), ("time_constant_s", "s", variant.value * between), *line]
     if effect == "thermometer_error":
         return [("offset_degc", "degC", physical[:, 0])]
     if effect in ("coriolis_gain", "rate_reference"):

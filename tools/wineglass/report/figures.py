@@ -8,13 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from wineglass.diagnosis.blocks import Blocks
-from wineglass.diagnosis.contract import Diagnosis
-from wineglass.diagnosis.rate_level import Analysis
+from wineglass.report.view import Channel, View
 
 BEFORE, AFTER, FLOOR, HELD = "#d1495b", "#00798c", "#9a9a9a", "#f3efe4"
 STYLE = {"font.size": 10, "font.family": "sans-serif", "axes.grid": True, "grid.alpha": 0.3, "axes.spines.top": False, "axes.spines.right": False,
          "legend.frameon": False, "svg.fonttype": "none", "svg.hashsalt": "wineglass"}
+MOST_CHANNELS = 5
+MOST_POINTS = 700
+MOST_DOTS = 350
+PREFIXES = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
+PREFIXED = ("rad/s", "Hz")
 
 
 def _svg(draw, width: float, height: float, label: str) -> str:  # noqa: ANN001 - a function of one figure
@@ -45,62 +48,69 @@ def _inline(text: str, label: str) -> str:
     return re.sub(r'<svg (.*?)width="[^"]*" height="[^"]*"', rf'<svg role="img" aria-label="{label}" \1', body, count=1)
 
 
-def over_time(found: Analysis) -> str:
-    """Residual before and after over time, the held-out part shaded, the temperature below."""
-    blocks, held = found.blocks, found.split.held
-    minutes, factor, unit = blocks.time_s / 60.0, *_unit(found.before)
+def over_time(view: View) -> str:
+    """Residuals of the channels with a gap, before and after, over time; temperature and rate below."""
+    minutes, shown = view.time_s / 60.0, view.worst[:MOST_CHANNELS]
+    inputs = [("T [°C]", view.temperature_degc)] + ([("rate [°/s]", view.rate_deg_s)] if view.rate_deg_s is not None else [])
 
     def draw(figure: Any) -> None:
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1])
-        for start, stop in _stretches(held):
-            top.axvspan(minutes[start], minutes[stop], color=HELD, label="held out" if start == _stretches(held)[0][0] else None)
-        top.axhspan(-2 * found.floor.rms * factor, 2 * found.floor.rms * factor, color=FLOOR, alpha=0.35, label="noise floor, ±2 rms", lw=0)
-        top.plot(minutes, found.before * factor, color=BEFORE, lw=1.2, label="before: nominal twin")
-        if found.best:
-            top.plot(minutes, found.after * factor, color=AFTER, lw=1.2, label="after: with " + ", ".join(found.best))
-        top.set_ylabel(f"recorded − twin [{unit}]")
-        top.legend(loc="upper center", bbox_to_anchor=(0.5, 1.22), ncols=2, fontsize=9)
-        bottom.plot(minutes, blocks.temperature_degc, color="#6d597a", lw=1.2)
-        bottom.set(ylabel="T [°C]", xlabel="time [min]")
+        ratios = [3.0] * len(shown) + [1.2] * len(inputs)
+        axes = np.atleast_1d(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios))
+        for axis, channel in zip(axes, shown):
+            _residuals(axis, view, channel, minutes)
+        for axis, (label, values) in zip(axes[len(shown):], inputs):
+            axis.plot(*_thin(minutes, values), color="#6d597a", lw=1.2)
+            axis.set_ylabel(label)
+        axes[-1].set_xlabel("time [min]")
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=9)
 
-    return _svg(draw, 8.6, 4.6, "gap over time")
+    return _svg(draw, 8.6, 0.7 + 2.1 * len(shown) + 1.0 * len(inputs), "gap over time")
 
 
-def over_temperature_and_slope(found: Analysis) -> str:
-    """Residuals over measured temperature and its speed, before and after."""
-    blocks = found.blocks
-    slope = np.gradient(blocks.temperature_degc, blocks.time_s) * 60.0
-    factor, unit = _unit(found.before)
-    limit = float(np.quantile(np.abs(found.before), 0.98)) * factor or 1.0
+def _residuals(axis: Any, view: View, channel: Channel, minutes: np.ndarray) -> None:
+    factor, unit = _unit(channel)
+    for number, (start, stop) in enumerate(_stretches(view.held) if view.held is not None else []):
+        axis.axvspan(minutes[start], minutes[stop], color=HELD, label="held out" if number == 0 else None)
+    axis.axhspan(-2 * channel.floor * factor, 2 * channel.floor * factor, color=FLOOR, alpha=0.35, label="noise floor, ±2 rms", lw=0)
+    axis.plot(*_thin(minutes, channel.before * factor), color=BEFORE, lw=1.1, label="before: nominal twin")
+    if view.best:
+        axis.plot(*_thin(minutes, channel.after * factor), color=AFTER, lw=1.1, label="after: with " + ", ".join(view.best))
+    axis.set_ylabel(f"{_spoken(channel.name)}\n[{unit}]", fontsize=9)
+    axis.margins(x=0.01)
+
+
+def over_temperature_and_slope(view: View) -> str:
+    """Residuals of the worst channel over temperature and its speed, before and after; over rate and amplitude where these change."""
+    channel = view.worst[0]
+    slope = np.gradient(view.temperature_degc, view.time_s) * 60.0
+    factor, unit = _unit(channel)
+    finite = np.abs(channel.before[np.isfinite(channel.before)])
+    limit = float(np.quantile(finite, 0.98)) * factor if len(finite) else 1.0
+    beside = [(name, values) for name, values in (("rate [°/s]", view.rate_deg_s), ("amplitude [FS]", view.amplitude_fs)) if values is not None]
 
     def draw(figure: Any) -> None:
-        axes = figure.subplots(1, 2, sharey=True)
-        for axis, values, title in zip(axes, (found.before, found.after), ("before", "after")):
-            dots = axis.scatter(blocks.temperature_degc, slope, c=values * factor, cmap="RdBu_r", vmin=-limit, vmax=limit, s=14)
+        upper, lower = (figure, None) if not beside else figure.subfigures(2, 1, height_ratios=[1.15, 1])
+        axes = upper.subplots(1, 2, sharey=True)
+        for axis, values, title in zip(axes, (channel.before, channel.after), ("before", "after")):
+            x, y, colour = _thin(view.temperature_degc, slope, values * factor, most=MOST_DOTS)
+            dots = axis.scatter(x, y, c=colour, cmap="RdBu_r", vmin=-(limit or 1.0), vmax=limit or 1.0, s=11, rasterized=False, linewidths=0)
             axis.set(title=title, xlabel="temperature [°C]")
         axes[0].set_ylabel("dT/dt [°C/min]")
-        figure.colorbar(dots, ax=axes, label=f"recorded − twin [{unit}]")
+        upper.colorbar(dots, ax=axes, label=f"{_spoken(channel.name)} [{unit}]")
+        for axis, (name, values) in zip(np.atleast_1d(lower.subplots(1, len(beside), sharey=True)) if lower is not None else [], beside):
+            for residual, colour in ((channel.before, BEFORE), (channel.after, AFTER)):
+                axis.plot(*_thin(values, residual * factor, most=MOST_DOTS), ".", ms=3, color=colour, alpha=0.6)
+            axis.set(xlabel=name, ylabel=f"[{unit}]")
 
-    return _svg(draw, 8.6, 3.2, "gap over temperature and its speed")
+    return _svg(draw, 8.6, 3.2 if not beside else 5.8, "gap over temperature and its speed")
 
 
-def ambiguity(diagnosis: Diagnosis, found: Analysis) -> str:
-    """How alike the named effects look in this recording: correlation of their signals beyond the nominal curve."""
-    from wineglass.diagnosis import bayes, parameters
-
-    names = [effect.id for effect in diagnosis.effects if effect.id in found.design.effects]
-    if len(names) < 2:
+def ambiguity(view: View) -> str:
+    """How alike the named explanations look in this recording."""
+    if view.alike is None:
         return ""
-    nominal = found.design.matrix[:, list(found.design.statics[0])]
-    signals = []
-    for name in names:
-        holder = next(tuple(ids) for ids in [*diagnosis.alternatives, *(h.ids for h in diagnosis.hypotheses)] if name in ids)
-        mixture = bayes.fits(found.design, found.scores, found.blocks.white_rad_s, holder, np.arange(len(found.blocks)), 0.05)
-        signal = parameters.contribution(found.design, mixture, name)
-        if nominal.shape[1]:
-            signal = signal - nominal @ np.linalg.lstsq(nominal, signal, rcond=None)[0]
-        signals.append(signal)
-    matrix = np.nan_to_num(np.corrcoef(signals))
+    names, matrix = view.alike.names, view.alike.matrix
 
     def draw(figure: Any) -> None:
         axis = figure.subplots()
@@ -112,38 +122,50 @@ def ambiguity(diagnosis: Diagnosis, found: Analysis) -> str:
             for j in range(len(names)):
                 axis.text(j, i, f"{matrix[i, j]:+.2f}", ha="center", va="center", color="white" if abs(matrix[i, j]) > 0.6 else "black")
 
-    return _svg(draw, 4.2 + 0.5 * len(names), 1.4 + 0.6 * len(names), "ambiguity matrix")
+    return _svg(draw, 4.2 + 0.5 * len(names), 1.6 + 0.6 * len(names), "ambiguity matrix")
 
 
-def spectrum(found: Analysis) -> str:
-    """Amplitude spectral density of the residuals, before and after."""
+def spectrum(view: View) -> str:
+    """Amplitude spectral density of the residuals of up to two channels, before and after."""
     from scipy.signal import welch
 
-    blocks = found.blocks
-    rate_hz = (len(blocks) - 1) / float(blocks.time_s[-1] - blocks.time_s[0])
+    rate_hz = (len(view.time_s) - 1) / float(view.time_s[-1] - view.time_s[0])
+    shown = view.worst[:2]
 
     def draw(figure: Any) -> None:
-        axis = figure.subplots()
-        for values, colour, name in ((found.before, BEFORE, "before"), (found.after, AFTER, "after")):
-            frequency, density = welch(values, rate_hz, nperseg=min(128, len(values)), detrend="constant")
-            axis.loglog(frequency[1:], np.sqrt(density[1:]), color=colour, label=name)
-        white = found.blocks.white_rad_s * np.sqrt(2.0 / rate_hz)
-        axis.axhline(white, color=FLOOR, ls="--", label="white noise")
-        axis.set(xlabel="frequency [Hz]", ylabel="density [rad/s/√Hz]")
-        axis.legend()
+        for axis, channel in zip(np.atleast_1d(figure.subplots(1, len(shown))), shown):
+            for values, colour, name in ((channel.before, BEFORE, "before"), (channel.after, AFTER, "after")):
+                filled = np.nan_to_num(values)
+                frequency, density = welch(filled, rate_hz, nperseg=min(512, max(16, len(filled) // 4)), detrend="constant")
+                axis.loglog(frequency[1:], np.sqrt(np.maximum(density[1:], 1e-300)), color=colour, label=name)
+            axis.axhline(channel.floor * np.sqrt(2.0 / rate_hz), color=FLOOR, ls="--", label="floor, if white")
+            axis.set(xlabel="frequency [Hz]", ylabel=f"density [{channel.unit}/√Hz]", title=_spoken(channel.name))
+            axis.legend(fontsize=9)
 
-    return _svg(draw, 8.6, 2.8, "spectrum of the gap")
+    return _svg(draw, 8.6, 3.0, "spectrum of the gap")
 
 
-def _unit(values: np.ndarray) -> tuple[float, str]:
-    size = float(np.max(np.abs(values)))
-    return (1e3, "mrad/s") if size > 2e-4 else (1e6, "µrad/s")
+def _unit(channel: Channel) -> tuple[float, str]:
+    """A factor that brings the numbers near one, and the unit with its prefix."""
+    size = float(np.nanmax(np.abs(channel.before), initial=0.0))
+    factor, prefix = next(((f, p) for f, p in PREFIXES if size * f >= 0.2), PREFIXES[-1])
+    if channel.unit in PREFIXED:
+        return factor, prefix + channel.unit
+    if channel.unit == "FS" and prefix:
+        return factor, f"1/{factor:.0e} FS".replace("1/1e+03", "10⁻³").replace("1/1e+06", "10⁻⁶").replace("1/1e+09", "10⁻⁹")
+    return 1.0, channel.unit
+
+
+def _spoken(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _thin(*columns: np.ndarray, most: int = MOST_POINTS) -> list[np.ndarray]:
+    """Every k-th point, so that the page stays small."""
+    step = max(1, len(columns[0]) // most)
+    return [column[::step] for column in columns]
 
 
 def _stretches(mask: np.ndarray) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(int), [0]))))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2])]
-
-
-def branches(blocks: Blocks) -> str:
-    return "; ".join(f"{b.kind} {blocks.time_s[b.start] / 60:.3g} to {blocks.time_s[b.stop - 1] / 60:.3g} min" for b in blocks.branches)
