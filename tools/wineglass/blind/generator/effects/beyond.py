@@ -136,7 +136,7 @@ def thermal_acceleration(world: World, strength: float) -> None:
 
 @outside("nonlinear_coupling", "cubic", stage="coupling", unit="1/s/FS^2", typical=0.02, channels=("rate", "quadrature"))
 def nonlinear_coupling(world: World, strength: float) -> None:
-    """a cubic stiffness between the modes: conj(A2) A1^2 and |A1|^2 A2; strength as the detuning of mode 2 it makes"""
+    """a cubic stiffness between the modes, with a term in conj(A2) A1^2; strength as the detuning of mode 2 it makes"""
     _add(world, "cubic_cross", 2.0 * strength * 2.0 * math.pi * world.truth.resonator.frequency_hz)
 
 
