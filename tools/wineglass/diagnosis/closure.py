@@ -13,7 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from wineglass import effects
 from wineglass.diagnosis.explain import Explained, Support, explained, posterior_mean, prior_of
-from wineglass.diagnosis.responses import POLAR, REACH, Bench, Responses, Variant
+from wineglass.diagnosis.responses import POLAR, REACH, Bench, Responses, Variant, uncertainties
 from wineglass.diagnosis.system import Products, System, products
 from wineglass.effects import Setting
 from wineglass.errors import BadInput
@@ -51,6 +51,8 @@ class Closed:
     """(k, channels, n) in the channels' units"""
     response: np.ndarray
     """(channels, n): what the effects do, in the channels' units"""
+    nuisance: np.ndarray
+    """(m, channels, n): what one standard deviation of each uncertain value does, in the channels' units"""
     products: Products
     runs: int
     entry: Explained = field(init=False)
@@ -92,13 +94,28 @@ def _polar(effect: str, given: dict[str, float]) -> dict[str, float]:
 
 
 class Closer:
-    """What all closures of one recording have in common. pick: the system's channels among those of the bench; nuisance (m, channels, n):
-    whitened columns."""
+    """What all closures of one recording have in common. pick: the system's channels among those of the bench."""
 
-    def __init__(self, bench: Bench, system: System, responses: Responses, pick: list[int], nuisance: np.ndarray):
-        self.bench, self.system, self.responses, self.pick, self.nuisance = bench, system, responses, pick, nuisance
-        self._flat = nuisance.reshape(len(nuisance), -1)
+    def __init__(self, bench: Bench, system: System, responses: Responses, pick: list[int]):
+        self.bench, self.system, self.responses, self.pick = bench, system, responses, pick
+        self._count_on(responses.values[list(responses.nuisances)][:, pick, :])
+
+    def _count_on(self, nuisance: np.ndarray) -> None:
+        """nuisance (m, channels, n), in the channels' units."""
+        self._raw, self.nuisance = nuisance, self.system.whiten(nuisance)
+        self._flat = self.nuisance.reshape(len(nuisance), -1)
         self._factor = cho_factor(self._flat @ self._flat.T + np.eye(len(nuisance)))
+
+    def settle(self, closed: Closed) -> Closed:
+        """Closed again with what is uncertain about the device that has these effects, instead of about the nominal one."""
+        usual = self._raw
+        wanted = [self.responses.columns[c].name for c in self.responses.nuisances]
+        found = dict(uncertainties(self.bench, closed.settings))
+        self._count_on(np.array([found[name][self.pick] for name in wanted]))
+        try:
+            return self._search(closed.support, closed.variants, closed.unknowns, closed.values, closed.jacobian)
+        finally:
+            self._count_on(usual)
 
     def close(self, start: Explained) -> Closed:
         unknowns, jacobian = _begin(self.bench, self.responses, self.pick, start)
@@ -145,7 +162,7 @@ class Closer:
                 jacobian, fresh = self._differences(unknowns, values, response), True
                 runs += len(unknowns)
             found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
-        return Closed(support, variants, unknowns, values, jacobian, response, found, runs)
+        return Closed(support, variants, unknowns, values, jacobian, response, self._raw, found, runs)
 
     def _differences(self, unknowns: list[Unknown], values: np.ndarray, response: np.ndarray) -> np.ndarray:
         """The Jacobian (k, channels, n) at these values, by one run each."""

@@ -57,7 +57,7 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
         left = recorded - _with_effects(found, chosen, base)
         spread, middle = np.array([u.spread for u in chosen.unknowns]), np.array([u.middle for u in chosen.unknowns])
         fixed = (chosen.values - middle) / spread
-        columns = np.concatenate([nuisance, chosen.jacobian * spread[:, None, None]])
+        columns = np.concatenate([chosen.nuisance, chosen.jacobian * spread[:, None, None]])
         polished = _polish(found, columns, left, fixed)
         after = left - _folded(found, polished, list(range(len(columns))), columns, np.concatenate([np.zeros(len(nuisance)), fixed]))
     use = found.system.weight > TRUSTED

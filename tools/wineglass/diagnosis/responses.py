@@ -97,6 +97,8 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
     values: list[np.ndarray] = []
     variants: dict[str, list[Variant]] = {}
     for name, response in uncertainties(bench):
+        if not np.any(response != 0.0):
+            continue
         columns.append(Column("", None, name, 1.0))
         values.append(response)
     nuisances = tuple(range(len(columns)))
@@ -125,14 +127,16 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
 # --- nuisances -----------------------------------------------------------------------------------------------------------
 
 
-def uncertainties(bench: Bench) -> list[tuple[str, np.ndarray]]:
+def uncertainties(bench: Bench, settings: Sequence[Setting] = ()) -> list[tuple[str, np.ndarray]]:
+    """What one standard deviation of everything uncertain does, (channels, n) each, with the effects of `settings` switched on."""
     device = bench.driven.run.device
-    found = [(name, bench.run(truth=changed) - bench.nominal) for name, changed in _uncertain(device)]
+    at = bench.run(settings) if settings else bench.nominal
+    found = [(name, bench.run(settings, truth=changed) - at) for name, changed in _uncertain(device)]
     if bench.driven.shell_known:
-        found.append(("shell reference", bench.run(shell_offset_degc=SHELL_OFFSET_DEGC) - bench.nominal))
+        found.append(("shell reference", bench.run(settings, shell_offset_degc=SHELL_OFFSET_DEGC) - at))
     if bench.driven.rate_known:
-        found.append(("clock of the rate table", np.gradient(bench.nominal, bench.grid.frame_s, axis=1) * OFFSET_S))
-    return [(name, response) for name, response in found if np.any(response != 0.0)]
+        found.append(("clock of the rate table", np.gradient(at, bench.grid.frame_s, axis=1) * OFFSET_S))
+    return found
 
 
 def _uncertain(device: Device) -> list[tuple[str, Device]]:

@@ -35,6 +35,7 @@ LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
 SWITCHING = 12  # frames after the loop was opened or closed
 HELD_OUT_SLACK = 2.0  # energy: of noise alone
+STRONG, SETTLED_SETS = 1e5, 4  # energy beyond which an effect changes what the uncertain values do; so many sets are then closed again
 BEND = 0.03  # of the rate's span: a second difference beyond that is a step
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
@@ -111,11 +112,14 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     table = system.products(built, columns)
     ranking = _ranked(table, found)
     advance()
-    closer = Closer(bench, built, found, pick, columns[: len(found.nuisances)])
+    closer = Closer(bench, built, found, pick)
     closed = _with_parts(closer, [closer.close(entry) for entry in _worth_closing(ranking)])
     advance()
     counts = {effect: len(variants) for effect, variants in found.variants.items()}
     closed, softening, none = _weighed(built, closed, table, found, counts)
+    if closed and float(np.sum(none.left - closed[0].entry.left)) > STRONG:
+        closed = [closer.settle(entry) if place < SETTLED_SETS else entry for place, entry in enumerate(closed)]
+        closed, softening, none = _weighed(built, closed, table, found, counts)
     held_none = explain.held_out(table, softening, list(found.nuisances))
     _hold_out(closed, held_none, softening)
     return TwinAnalysis(driven, grid, recorded, base, _picked(floor, pick), pick, bench, found, built, table, none, closed, softening, held_none)
