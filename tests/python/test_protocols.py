@@ -422,3 +422,39 @@ def test_bad_scripts_are_one_line_and_status_2(text, part, tmp_path, capsys):
     assert cli.main(["record", "--port", "nowhere", "--script", str(script), "-o", str(tmp_path / "x.h5")]) == 2
     error = capsys.readouterr().err
     assert part in error and error.count("\n") == 1, error
+
+
+SIGMA = {"rate": 2e-5, "quadrature": 2e-5, "drive_frequency": 5e-4, "drive_level": 3e-5, "secondary_in_phase": 3e-6, "secondary_quadrature": 3e-6,
+         "primary_in_phase": 3e-6, "rebalance_in_phase": 3e-5, "rebalance_quadrature": 3e-5, "temperature_measured": 4e-3}
+"""Noise of a frame on `metal`, rounded: weighs the channels, nothing more."""
+
+
+def response(name, loop, effect, parameter):
+    """What a fifth of the typical size does to all channels in units of their noise, one vector of length one."""
+    run = scenario.prepare(protocols.scenario(name, "metal-fast", loop))
+    size = next(item.typical for item in effects.find(effect).parameters if item.name == parameter)
+    with Envelope(run) as nominal, Envelope(run, effects=[Setting(effect, {parameter: 0.2 * size})]) as changed:
+        before, after = nominal.run(), changed.run()
+    kept = before.end_s > 4.0
+    vector = np.concatenate([((after[channel] - before[channel]) / sigma)[kept] for channel, sigma in SIGMA.items()])
+    return vector / np.linalg.norm(vector)
+
+
+@pytest.mark.parametrize(("loop", "one", "other", "thermal", "full"), [
+    ("open", ("drive_phase", "delay_s"), ("pickoff_phase", "delay_s"), 0.99, 0.92),
+    ("open", ("amplitude_frequency", "frequency_ppm"), ("clock_error", "error_ppm"), 0.99999, 0.995),
+    ("open", ("damping_temperature", "slope_per_degc"), ("actuator_gain", "slope_per_degc"), 0.85, 0.7),
+    ("rebalance", ("frequency_split", "split_hz"), ("cross_stiffness", "c0_rad_s"), 0.9999, 0.996),
+])
+def test_full_tells_apart_what_thermal_does_not(loop, one, other, thermal, full):
+    """Cosine between the responses of two effects: at least so large in `thermal`, at most so large in `full`."""
+    likeness = {name: abs(float(response(name, loop, *one) @ response(name, loop, *other))) for name in ("thermal", "full")}
+    print(likeness)
+    assert likeness["thermal"] >= thermal and likeness["full"] <= full
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_true_twins_stay_twins(loop):
+    """A gyro of another gain and a table of another gain: no protocol of a table can tell, and a diagnosis that does is wrong."""
+    gain, table = response("full", loop, "coriolis_gain", "gain"), response("full", loop, "rate_reference", "scale")
+    assert abs(float(gain @ table)) > 0.99999
