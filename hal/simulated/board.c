@@ -76,10 +76,11 @@ static uint32_t poll_interval(const struct simulated_board *board)
     return interval < POLL_INTERVAL_MAX ? interval : POLL_INTERVAL_MAX;
 }
 
+/* In this order: a configuration that the background has exchanged counts at once, and the call is one that can be counted (no jump). */
 void simulated_board_poll(struct simulated_board *board)
 {
-    board->samples_to_poll = poll_interval(board);
     application_poll(&board->app);
+    board->samples_to_poll = poll_interval(board);
 }
 
 /* ---- life -------------------------------------------------------------------------------------------------------------- */
