@@ -33,6 +33,7 @@ class Blocks:
     sample_noise_rad_s: float
     fine_time_s: np.ndarray
     fine_temperature_degc: np.ndarray
+    fine_measured_degc: np.ndarray | None
     fine_true_rate: np.ndarray | None
     fine_slope: np.ndarray | None
     branches: list[Branch]
@@ -77,6 +78,7 @@ def make_blocks(evidence: Evidence) -> Blocks | None:
         sample_noise_rad_s=max(_sample_noise(residual), _TINY * spread),
         fine_time_s=time_s,
         fine_temperature_degc=temperature,
+        fine_measured_degc=None if evidence.measured_degc is None else fine(evidence.measured_degc),
         fine_true_rate=None if evidence.true_rate_rad_s is None else fine(evidence.true_rate_rad_s),
         fine_slope=None if evidence.bias_slope is None else fine(evidence.bias_slope),
         branches=_long_branches(coarse),

@@ -110,6 +110,8 @@ def build(blocks: Blocks) -> Design:
         effects["thermometer_error"] = _thermometer_error(b)
     if blocks.fine_true_rate is not None and np.ptp(blocks.fine_true_rate) > 1e-6:
         effects |= _rate_effects(b)
+    if blocks.fine_measured_degc is not None:  # the thermometer is judged by itself: thermometer.py
+        effects = {name: v for name, v in effects.items() if name not in ("thermometer_lag", "thermometer_error")}
     if np.ptp(blocks.temperature_degc) < 1.0:
         effects = {name: v for name, v in effects.items() if name in ("ageing", "coriolis_gain", "rate_reference")}
     return Design(np.column_stack(b.columns), blocks.residual_rad_s, statics, np.array(targets), effects, np.array(b.scales), calibrated, cross)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +26,7 @@ PAUSE_S = 30.0  # and usual steps: a longer pause is a new power-up or segment, 
 class Evidence:
     """Arrays (n,), without lost samples.
 
+    temperature_degc: the shell's own where the bench recorded it (then measured_degc is the thermometer's), else the thermometer's
     bias_rad_s: what the calibration predicts (n,), None: no calibration is known, so the nominal static curve is fitted
     bias_slope: its derivative over temperature [rad/s/degC] (n,)
     white_floor_rad_s: noise per sample the device should have, None: unknown
@@ -41,6 +42,7 @@ class Evidence:
     bias_rad_s: np.ndarray | None = None
     bias_slope: np.ndarray | None = None
     white_floor_rad_s: float | None = None
+    measured_degc: np.ndarray | None = None
     lost: int = 0
     device: str | None = None
     firmware: str | None = None
@@ -73,10 +75,12 @@ def from_csv(path: Path, columns: dict[str, str], unit_of: dict[str, str], drop_
     notes = ["no calibration is known: the nominal twin is the best static cubic over the measured temperature, fitted on the fit part"]
     if data.ignored:
         notes.append(f"columns not used: {', '.join(data.ignored)}")
+    measured = data.channels["temperature_measured"]
+    shell = data.channels.get("shell_temperature")
     return checked(Evidence(
         source=str(path), sha256=digest, channel=data.source["rate"], time_s=data.time_s,
-        temperature_degc=data.channels["temperature_measured"], rate_rad_s=data.channels["rate"],
-        true_rate_rad_s=data.channels.get("true_rate"), notes=tuple(notes),
+        temperature_degc=measured if shell is None else shell, rate_rad_s=data.channels["rate"],
+        true_rate_rad_s=data.channels.get("true_rate"), measured_degc=None if shell is None else measured, notes=tuple(notes),
     ))
 
 
@@ -96,6 +100,9 @@ def from_recording(path: Path, device: str | None = None) -> Evidence:
         if channel not in recording.tap("output"):
             raise BadInput("the recording holds no rate", path, "record output/rate_uncompensated or output/rate")
         data = observe(recording, channel)
+        measured, shell = data.temperature_degc, _shell(recording, channel, data)
+        if shell is not None:
+            data = replace(data, temperature_degc=shell)
         bias, slope, true_rate, notes = _nominal(recording, channel, data)
         unused = [name for name in ("raw", "baseband") if name in recording]
         if unused:
@@ -109,8 +116,19 @@ def from_recording(path: Path, device: str | None = None) -> Evidence:
         source=str(path), sha256=digest, channel=channel, time_s=data.time_s[use], temperature_degc=data.temperature_degc[use],
         rate_rad_s=data.measured[use], true_rate_rad_s=None if true_rate is None else true_rate[use],
         bias_rad_s=None if bias is None else bias[use], bias_slope=None if slope is None else slope[use], lost=lost,
-        device=None if known is None else known.name, firmware=firmware, notes=(*damage, *notes),
+        measured_degc=None if shell is None else measured[use], device=None if known is None else known.name, firmware=firmware, notes=(*damage, *notes),
     ))
+
+
+def _shell(recording: Recording, channel: str, data: Observations) -> np.ndarray | None:
+    """The shell's own temperature (n,). Not where the rate was compensated by the thermometer: then its own errors count."""
+    tap = recording.taps.get("reference")
+    if tap is None or "shell_temperature" not in tap or (channel == "rate" and recording.calibration_block):
+        return None
+    there = np.isfinite(tap["shell_temperature"])
+    if there.sum() < 0.9 * len(there) or there.sum() < 20:
+        return None
+    return np.interp(data.time_s, tap.time_s[there], tap["shell_temperature"][there])
 
 
 def checked(evidence: Evidence) -> Evidence:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wineglass import __version__
-from wineglass.diagnosis import bayes, experiments, gap, parameters
+from wineglass.diagnosis import bayes, experiments, gap, parameters, thermometer
 from wineglass.diagnosis.contract import (ChannelShrink, Diagnosis, EffectFound, Hypothesis, NextExperiment, Provenance, Region, Shrink,
                                           TotalShrink, Where)
 from wineglass.diagnosis.evidence import Evidence, missing_samples
@@ -104,7 +104,7 @@ def diagnose(evidence: Evidence, found: Analysis | None) -> Diagnosis:
     named = sorted({e for ids in outcome.named for e in ids if e in EFFECTS})
     hypotheses = _hypotheses(found, outcome)
     effects = _effects(found, named, outcome, hypotheses)
-    return Diagnosis(
+    return thermometer.join(Diagnosis(
         verdict=outcome.verdict,
         sentence=sentence(found, outcome),
         where=_where(found, outcome, effects),
@@ -115,7 +115,7 @@ def diagnose(evidence: Evidence, found: Analysis | None) -> Diagnosis:
         next_experiment=_next(found, outcome),
         notes=[*evidence.notes, *extra, *_notes(found, outcome)],
         provenance=_provenance(evidence),
-    )
+    ), thermometer.examine(found.blocks))
 
 
 def sentence(found: Analysis, outcome: Outcome) -> str:
