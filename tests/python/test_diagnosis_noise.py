@@ -146,10 +146,13 @@ def test_without_raw_codes_the_converters_are_not_judged(sound, tmp_path):
     assert any("raw burst" in note for note in found.notes)
 
 
-def test_without_baseband_the_spectra_say_nothing(sound, tmp_path):
-    found = examined(without(sound["open"], tmp_path, "baseband"))
-    assert found.spectral is None and found.named == [] and found.looks["vibration"] == []
-    assert any("baseband" in note for note in found.notes)
+def test_without_baseband_a_line_is_a_vibration_or_a_tone(sound, tmp_path):
+    silent = examined(without(sound["open"], tmp_path, "baseband", "raw"))
+    assert silent.named == [] and silent.looks["clock_jitter"] == [] and silent.looks["vibration"] == ["lines"]
+    shaken = make(tmp_path / "x.h5", "open", [Setting("vibration", {"rate_rad_s": 2e-4, "frequency_hz": 3.3})])
+    found = examined(without(shaken, tmp_path, "baseband", "raw"))
+    one, two = (found.log_evidence[frozenset({effect})] for effect in ("vibration", "interference"))
+    assert min(one, two) > 20 and abs(one - two) < 1
 
 
 def test_with_nothing_but_the_rate(sound, tmp_path):

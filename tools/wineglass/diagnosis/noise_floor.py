@@ -8,18 +8,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
-from wineglass.calibration_block import Calibration
+from wineglass.calibration_block import OUTPUT_FILTERS, Calibration
 from wineglass.device import Device
 from wineglass.loop_design import drive, rebalance
 from wineglass.loop_design.model import Gains, Loop
+from wineglass.native import library, pointer
 
 PRIMARY = ("primary_in_phase", "primary_quadrature")
 SECONDARY = ("secondary_in_phase", "secondary_quadrature")
 FORCES = ("rebalance_in_phase", "rebalance_quadrature")
+RATE = "rate"
 
 
 @dataclass(frozen=True)
@@ -68,14 +70,34 @@ class FloorModel:
         else:
             amplitude = self._folded(white)
             force = np.zeros_like(amplitude)
-        return found | dict.fromkeys(SECONDARY, amplitude) | dict.fromkeys(FORCES, force)
+        return found | dict.fromkeys(SECONDARY, amplitude) | dict.fromkeys(FORCES, force) | {RATE: self._rate_of_white()}
+
+    def _rate_of_white(self) -> np.ndarray:
+        """Rate output: what is read, times the scale, through the output filter."""
+        white, loop = self._white_tick, self._rebalance if self.loop == "rebalance" else None
+        read = (lambda f: white(f) * np.abs(loop.sensitivity(f) * loop.controller(f)) ** 2) if loop is not None else white
+        return self._scale**2 * self._folded(lambda f: read(f) * self._filter_power(f))
+
+    @property
+    def _scale(self) -> float:
+        """Rate per FS that is read, at the described amplitude and T0."""
+        calibration = self.calibration
+        scale = calibration.rebalance_scale_rad_s_per_ratio if self.loop == "rebalance" else calibration.scale_rad_s_per_ratio
+        return scale[0] / calibration.amplitude_set_point_fs
+
+    def _filter_power(self, frequency_hz: np.ndarray) -> np.ndarray:
+        """|output filter|^2, from the firmware's own answer to one pulse."""
+        response = np.fft.rfft(_filter_pulse(OUTPUT_FILTERS.index(self.calibration.output_filter)))
+        turns = np.asarray(frequency_hz) / self.calibration.slow_rate_hz
+        folded = np.abs(turns - np.round(turns))
+        return np.asarray(np.interp(folded, np.linspace(0.0, 0.5, len(response)), np.abs(response) ** 2))
 
     # ---- what the channels show of a rate ------------------------------------------------------------------------------------
 
     def of_rate(self, channel: str, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Channel's density for a rate of that one-sided density [(rad/s)^2/Hz]; in-phase channels of the secondary axis only."""
-        gain = self._rate_gain(channel)
-        return gain**2 * self._rate_answer(self.frequency_hz) ** 2 * density(self.frequency_hz)
+        gain = self._rate_gain(channel) ** 2 * (self._filter_power(self.frequency_hz) if channel == RATE else 1.0)
+        return np.asarray(gain * self._rate_answer(self.frequency_hz) ** 2 * density(self.frequency_hz))
 
     def _rate_gain(self, channel: str) -> float:
         """FS of the channel per rad/s at zero frequency, at the described amplitude."""
@@ -84,7 +106,7 @@ class FloorModel:
             return amplitude / calibration.scale_rad_s_per_ratio[0]
         if channel == FORCES[0] and self.loop == "rebalance":
             return -amplitude / calibration.rebalance_scale_rad_s_per_ratio[0]
-        return 0.0
+        return 1.0 if channel == RATE else 0.0
 
     def _rate_answer(self, frequency_hz: np.ndarray) -> np.ndarray:
         """Size of the answer to a rate, 1 at zero frequency; telemetry's means included."""
@@ -143,6 +165,16 @@ class FloorModel:
     @cached_property
     def _rebalance(self) -> Loop:
         return rebalance.model(self.device, Gains(self.calibration.rebalance_kp, self.calibration.rebalance_ki_per_s)).loop
+
+
+@cache
+def _filter_pulse(choice: int, length: int = 2048) -> np.ndarray:
+    """Answer (length,) of an output filter to 1, at the slow rate."""
+    unit = 1 << 28
+    values, out = np.zeros(length, np.int32), np.empty(length, np.int32)
+    values[0] = unit
+    library().wg_output_filter_run(choice, 0, pointer(values, "int32_t"), pointer(out, "int32_t"), length)
+    return out / unit
 
 
 def flicker(frequency_hz: np.ndarray) -> np.ndarray:

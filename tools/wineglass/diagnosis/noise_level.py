@@ -19,15 +19,15 @@ from wineglass.calibration_block import Calibration, from_binary
 from wineglass.device import Device
 from wineglass.diagnosis import noise_events, noise_lines, noise_spectra, noise_windows, output_check, raw_codes, replay, thermometer_codes
 from wineglass.diagnosis.noise_events import Events
-from wineglass.diagnosis.noise_floor import FloorModel
+from wineglass.diagnosis.noise_floor import PRIMARY, FloorModel
 from wineglass.diagnosis.noise_lines import Lines
-from wineglass.diagnosis.noise_spectra import SpectralEvidence
+from wineglass.diagnosis.noise_spectra import Band, SpectralEvidence
 from wineglass.diagnosis.output_check import OutputCheck
 from wineglass.diagnosis.raw_codes import RawEvidence
 from wineglass.diagnosis.replay import Replay
 from wineglass.diagnosis.thermometer_codes import Steps
 from wineglass.errors import BadInput
-from wineglass.recording.reader import Recording
+from wineglass.recording.reader import Recording, Tap
 from wineglass.scenario import Run
 
 EFFECTS = ("excess_noise", "flicker_noise", "clock_jitter", "dropped_samples", "interference", "vibration", "thermometer_quantisation",
@@ -110,22 +110,66 @@ def _setting(recording: Recording, device: Device | Run | None) -> tuple[Device 
 
 def _telemetry(recording: Recording, device: Device | None, calibration: Calibration | None, events: Events | None, steps: Steps | None,
                slow: dict[str, np.ndarray], notes: list[str]) -> tuple[SpectralEvidence | None, Lines | None]:
-    """Spectra and lines of the baseband."""
-    if device is None or calibration is None or "baseband" not in recording:
-        notes.append("no baseband, description or calibration: the spectra say nothing")
+    """Spectra and lines of baseband and rate."""
+    if device is None or calibration is None:
+        notes.append("no description or no calibration: the spectra say nothing")
         return None, None
-    tap = recording.tap("baseband")
-    skip = events.times_s if events is not None else np.empty(0)
+    seen = _Seen(recording, device, calibration, events.times_s if events is not None else np.empty(0), steps, slow)
+    bands: list[Band] = []
+    lines: Lines | None = None
     try:
-        windows = noise_windows.quiet(recording, tap, calibration, skip_s=skip)
-        if steps is not None and steps.coarse:
-            windows = windows.only(_still(recording, windows, steps.step_degc))
-        model = FloorModel(device, calibration, tap.sample_rate_hz, windows.frequency_hz, calibration.loop)
-        lines = noise_lines.find(recording, windows, calibration, model)
-        return noise_spectra.examine(windows, device, calibration, slow, noise_lines.taken(lines, windows)), lines
-    except (ValueError, np.linalg.LinAlgError) as error:
+        if "baseband" in recording:
+            found, lines = seen.baseband()
+            low = seen.rate(noise_spectra.LOW_LENGTH_S, noise_spectra.LOW_TO_HZ, lines)
+            bands = [*noise_spectra.without_low(found, noise_spectra.LOW_TO_HZ), *low] if low else found
+        else:
+            notes.append("no baseband: only the rate's own spectrum can be looked at, and no axis told from the other")
+            lines = seen.rate_lines()
+            bands = seen.rate(noise_windows.LENGTH_S, np.inf, lines)
+    except (ValueError, np.linalg.LinAlgError, BadInput) as error:
         notes.append(f"the spectra cannot be modelled ({error})")
         return None, None
+    return noise_spectra.weigh(bands, device, seen.windows), lines
+
+
+class _Seen:
+    """The quiet stretches of a recording."""
+
+    def __init__(self, recording: Recording, device: Device, calibration: Calibration, skip_s: np.ndarray, steps: Steps | None, slow: dict[str, np.ndarray]):
+        self._recording, self._device, self._calibration = recording, device, calibration
+        self._skip_s, self._steps, self._slow = skip_s, steps, slow
+        self.windows = 0
+
+    def baseband(self) -> tuple[list[Band], Lines]:
+        tap = self._recording.tap("baseband")
+        windows = self._quiet(tap, noise_windows.LENGTH_S)
+        model = FloorModel(self._device, self._calibration, tap.sample_rate_hz, windows.frequency_hz, self._calibration.loop)
+        lines = noise_lines.find(windows, self._calibration, model)
+        return noise_spectra.bands_of(windows, self._device, self._calibration, self._slow, noise_lines.taken(lines, windows)), lines
+
+    def rate_lines(self) -> Lines | None:
+        if "output" not in self._recording or "rate" not in self._recording.tap("output"):
+            return None
+        windows = self._quiet(self._recording.tap("output"), noise_windows.LENGTH_S)
+        model = FloorModel(self._device, self._calibration, windows.tap.sample_rate_hz, windows.frequency_hz, self._calibration.loop)
+        return noise_lines.find_in_rate(windows, model)
+
+    def rate(self, length_s: float, to_hz: float, lines: Lines | None) -> list[Band]:
+        """Bands of the rate output, none where it is not recorded. lines: found in the baseband."""
+        if "output" not in self._recording or "rate" not in self._recording.tap("output"):
+            return []
+        windows = self._quiet(self._recording.tap("output"), length_s)
+        taken = np.zeros((len(windows), windows.length // 2), bool)
+        if lines is not None:
+            taken = noise_lines.taken(lines, windows, self._recording.taps.get("baseband"))
+        return noise_spectra.rate_bands(windows, self._device, self._calibration, self._slow, taken, to_hz)
+
+    def _quiet(self, tap: Tap, length_s: float) -> noise_windows.Windows:
+        windows = noise_windows.quiet(self._recording, tap, self._calibration, length_s, self._skip_s)
+        if self._steps is not None and self._steps.coarse and len(windows):
+            windows = windows.only(_still(self._recording, windows, self._steps.step_degc))
+        self.windows = max(self.windows, len(windows))
+        return windows
 
 
 def _still(recording: Recording, windows: noise_windows.Windows, step_degc: float) -> np.ndarray:
@@ -223,7 +267,7 @@ class _Looks:
                 found[effect] = [(_CATALOGUE.get(e.name, e.name), e.value, (e.low, e.high), e.unit) for e in estimates]
         if self.lines is not None:
             for kind, line in self.lines.best.items():
-                if kind != OTHER:
+                if kind != OTHER and np.isfinite(line.frequency_hz):
                     found[kind] = _line_parameters(line)
         if self.raw is not None:
             for effect, values in self.raw.values.items():
@@ -269,11 +313,12 @@ class _Looks:
 
     def seen(self) -> dict[str, list[str]]:
         """Which looks there were for each effect."""
-        spectra = ["spectra"] if self.spectral is not None and self.spectral.log_evidence else []
+        spectra = ["spectra"] if self.spectral is not None and self.spectral.bands else []
         lines = ["lines"] if self.lines is not None and self.lines.best else []
         raw = ["raw codes"] if self.raw is not None and self.raw.bursts else []
         firmware = (["replay"] if self.again.ok is not None else []) + (["output against baseband"] if self.output.deviations else [])
-        return {"excess_noise": spectra + raw, "clock_jitter": spectra + raw, "flicker_noise": spectra, "interference": lines + raw, "vibration": lines,
+        primary = spectra if spectra and any(band.channel in PRIMARY for band in (self.spectral.bands if self.spectral is not None else [])) else []
+        return {"excess_noise": spectra + raw, "clock_jitter": primary + raw, "flicker_noise": spectra, "interference": lines + raw, "vibration": lines,
                 "dropped_samples": ["phase jumps"] if self.events is not None else [], "thermometer_quantisation": ["readings"] if self.steps else [],
                 "adc_saturation": raw, "adc_nonlinearity": raw, "firmware_mismatch": firmware}
 

@@ -9,15 +9,15 @@ Each kind is scored by the likelihood of the windows' spectra with such a line a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from wineglass.calibration_block import Calibration
 from wineglass.diagnosis import noise_windows
-from wineglass.diagnosis.noise_floor import FORCES, SECONDARY, FloorModel
+from wineglass.diagnosis.noise_floor import FORCES, RATE, SECONDARY, FloorModel
 from wineglass.diagnosis.noise_windows import TAPERS, Windows
-from wineglass.recording.reader import Recording, Tap
+from wineglass.recording.reader import Tap
 
 LEAST_BIN, FIRST_SOUND_BIN = 8, 3
 """counted from zero frequency: below, what moves slowly leaves no level to compare with; the parabola takes the first bins' power"""
@@ -52,7 +52,7 @@ class Lines:
         return {kind: line.log_evidence for kind, line in self.best.items()}
 
 
-def find(recording: Recording, windows: Windows, calibration: Calibration, model: FloorModel) -> Lines:
+def find(windows: Windows, calibration: Calibration, model: FloorModel) -> Lines:
     """Lines in the quiet windows of the baseband."""
     tap = windows.tap
     axis = FORCES if calibration.loop == "rebalance" else SECONDARY
@@ -63,24 +63,50 @@ def find(recording: Recording, windows: Windows, calibration: Calibration, model
     rotary, still = windows.transforms(z), windows.transforms(z, np.exp(1j * _carrier_phase(tap)))
     best = {"vibration": _vibration(windows, rotary, model, axis[0]), "interference": _interference(windows, tap, rotary, still, model, axis[0]),
             "other": _other(windows, rotary)}
-    return Lines({kind: line for kind, line in best.items() if line is not None}, len(windows))
+    return Lines(best, len(windows))
 
 
-def taken(lines: Lines, windows: Windows, least: float = 6.0) -> np.ndarray:
-    """Bins (n, length // 2) of each window that the best line, if there is one, stands on; a tone moves with the oscillator's frequency."""
-    bins = np.arange(1, windows.length // 2 + 1) * windows.tap.sample_rate_hz / windows.length
+def find_in_rate(windows: Windows, model: FloorModel) -> Lines:
+    """Lines of the rate output alone: a sideband cannot be told from a rate there, so both explain a line alike."""
+    if len(windows) < noise_windows.LEAST_WINDOWS:
+        return Lines({}, len(windows), ["too little quiet rate to look for lines"])
+    real = np.mean(np.abs(windows.transforms(_filled(windows.tap, RATE))[:, :, 1:windows.length // 2]) ** 2, axis=(0, 1))
+    line = _line_of_rate(windows, real, np.zeros_like(real), model, RATE)
+    tone = replace(line, kind="interference", amplitude=math.nan, amplitude_sigma=math.nan, frequency_hz=math.nan, frequency_sigma_hz=math.nan,
+                   log_evidence=line.log_evidence - math.log(2.0))
+    return Lines({"vibration": line, "interference": tone}, len(windows), ["a line in the rate alone may be a vibration as well as a tone"])
+
+
+def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, least: float = 6.0) -> np.ndarray:
+    """Bins (n, length // 2) of each window that the best line, if there is one, stands on; a tone moves with the oscillator's frequency, which is in
+    the tap `carrier`, and its own square falls on twice its distance."""
+    bins = windows.frequency_hz
     found = np.zeros((len(windows), len(bins)), bool)
     real = [line for line in lines.best.values() if line.log_evidence > least]
     if not real:
         return found
     line = max(real, key=lambda item: item.log_evidence)
-    place = np.full(len(windows), line.frequency_hz)
-    wander = np.zeros(len(windows))
+    place, wander = np.full(len(windows), line.frequency_hz), np.zeros(len(windows))
     if line.kind == "interference":
-        frequency = _filled(windows.tap, "drive_frequency")[windows.first[:, None] + np.arange(windows.length)]
-        place, wander = np.abs(line.frequency_hz - frequency.mean(axis=1)), np.ptp(frequency, axis=1)
-    width = 4.5 * windows.tap.sample_rate_hz / windows.length * max(1.0, line.ratio / 1000.0) ** 0.25
-    return np.asarray(np.abs(bins - place[:, None]) < (width + 0.5 * wander)[:, None])
+        place, wander = _distance_hz(line.frequency_hz, windows, windows.tap if carrier is None else carrier)
+    width = 4.5 * windows.tap.sample_rate_hz / windows.length * max(1.0, line.ratio / 100.0) ** 0.25
+    for times in (1.0, 2.0, 3.0) if line.ratio > 100.0 else (1.0,):
+        found |= np.abs(bins - _folded(times * place, windows.tap.sample_rate_hz)[:, None]) < (width + 0.5 * times * wander)[:, None]
+    return found
+
+
+def _distance_hz(frequency_hz: float, windows: Windows, carrier: Tap) -> tuple[np.ndarray, np.ndarray]:
+    """Mean distance from the oscillator in each window, and by how much it moves there; (n,) each."""
+    drive, begin = _filled(carrier, "drive_frequency"), windows.tap.time_s[windows.first]
+    first = np.searchsorted(carrier.time_s, begin)
+    last = np.searchsorted(carrier.time_s, begin + windows.length / windows.tap.sample_rate_hz)
+    inside = [drive[a:max(b, a + 1)] if a < len(drive) else drive[-1:] for a, b in zip(first, last)]
+    return np.abs(frequency_hz - np.array([part.mean() for part in inside])), np.array([np.ptp(part) for part in inside])
+
+
+def _folded(frequency_hz: np.ndarray, rate_hz: float) -> np.ndarray:
+    turns = frequency_hz / rate_hz
+    return np.asarray(np.abs(turns - np.round(turns)) * rate_hz)
 
 
 def _filled(tap: Tap, channel: str) -> np.ndarray:
@@ -116,12 +142,17 @@ def _in_phase_powers(rotary: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.mean(np.abs(0.5 * (up + down)) ** 2, axis=(0, 1)), np.mean(np.abs(0.5 * (up - down)) ** 2, axis=(0, 1))
 
 
-def _vibration(windows: Windows, rotary: np.ndarray, model: FloorModel, channel: str) -> Line | None:
+def _vibration(windows: Windows, rotary: np.ndarray, model: FloorModel, channel: str) -> Line:
     real, imaginary = _in_phase_powers(rotary)
+    return _line_of_rate(windows, real, imaginary, model, channel)
+
+
+def _line_of_rate(windows: Windows, real: np.ndarray, imaginary: np.ndarray, model: FloorModel, channel: str) -> Line:
+    """The best line in the in-phase power; what stands in quadrature (zeros: not seen) speaks against a rate."""
     frequency = windows.frequency_hz[:len(real)]
     count = float(len(windows) * TAPERS) * 0.8
     ratio, score = _score(real, count)
-    quadrature, _ = _score(imaginary, count)
+    quadrature = _score(imaginary, count)[0] if np.any(imaginary) else np.ones_like(real)
     score = np.where(np.arange(len(score)) < LEAST_BIN - 1, -np.inf, score)
     at = int(np.argmax(score))
     gain = math.sqrt(float(model.of_rate(channel, np.ones_like)[at]) * 1.0)
@@ -132,7 +163,7 @@ def _vibration(windows: Windows, rotary: np.ndarray, model: FloorModel, channel:
     return Line("vibration", _centre(frequency, real, ratio, at), sigma, amplitude, amplitude * _relative_sigma(ratio[at], count), evidence, float(ratio[at]))
 
 
-def _interference(windows: Windows, tap: Tap, rotary: np.ndarray, still: np.ndarray, model: FloorModel, channel: str) -> Line | None:
+def _interference(windows: Windows, tap: Tap, rotary: np.ndarray, still: np.ndarray, model: FloorModel, channel: str) -> Line:
     found = []
     length = still.shape[2]
     frequency = np.fft.fftfreq(length, 1.0 / tap.sample_rate_hz)
@@ -153,7 +184,7 @@ def _interference(windows: Windows, tap: Tap, rotary: np.ndarray, still: np.ndar
                 evidence, ratio_at)
 
 
-def _other(windows: Windows, rotary: np.ndarray) -> Line | None:
+def _other(windows: Windows, rotary: np.ndarray) -> Line:
     """A line in quadrature alone: of neither kind."""
     _, imaginary = _in_phase_powers(rotary)
     frequency = windows.frequency_hz[:len(imaginary)]

@@ -18,15 +18,17 @@ from scipy.special import logsumexp
 from wineglass.calibration_block import Calibration
 from wineglass.device import Device
 from wineglass.diagnosis import noise_windows
-from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, SECONDARY, FloorModel, Pickoff, flicker, relaxations
+from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, RATE, SECONDARY, FloorModel, Pickoff, flicker, relaxations
 from wineglass.diagnosis.noise_windows import Windows
 from wineglass.recording.reader import Tap
 
-EDGES = np.array([2.5, 4.5, 6.5, 9.5, 13.5, 18.5, 25.5, 35.5, 48.5, 64.5, 84.5, 106.5, 125.5])
-"""of bands, in bins of 256-sample windows"""
+BANDS = 13
+FIRST_BIN, LAST_PART = 2.5, 0.49
+LOW_LENGTH_S, LOW_TO_HZ = 10.24, 1.3
+"""of the rate's own windows, which reach down further: bias that wanders is slow, and the output filter keeps fast noise from folding there"""
 SHAPE_PER_BIN = 0.8
 """gamma shape of one bin's power, tapers' overlap included; held against white noise by a test"""
-MODEL_ERROR, MODEL_ERROR_AT_1_HZ = 0.05, 0.12
+MODEL_ERROR, MODEL_ERROR_AT_1_HZ = 0.05, 0.1
 """relative, of a band: what the closed forms may be off, beyond the stated tolerance, and what slow content may have left, falling with f"""
 LEAST_SENSITIVITY = 0.08
 """where a loop leaves less of the noise's power, slow content counts for more than noise"""
@@ -116,6 +118,23 @@ def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: d
     return found
 
 
+def rate_bands(windows: Windows, device: Device, calibration: Calibration, slow: dict[str, np.ndarray], lines: np.ndarray, to_hz: float) -> list[Band]:
+    """The rate output's bands up to a frequency, at the described amplitude."""
+    amplitude = calibration.amplitude_set_point_fs
+    usual = ~(np.abs(windows.amplitude_fs - amplitude) > 6e-4)  # not recorded counts, too
+    group = windows.only(usual)
+    if len(group) < noise_windows.LEAST_WINDOWS or RATE not in windows.tap:
+        return []
+    model = FloorModel(device, calibration, windows.tap.sample_rate_hz, windows.frequency_hz, calibration.loop)
+    values = _filled(windows.tap, RATE) - slow.get(RATE, 0.0)
+    return [band for band in _bands(group, RATE, values, amplitude, model, lines[usual]) if band.high_hz <= to_hz]
+
+
+def without_low(bands: list[Band], from_hz: float) -> list[Band]:
+    """Without the in-phase bands that the rate's own look better at."""
+    return [band for band in bands if band.channel not in (SECONDARY[0], FORCES[0]) or band.low_hz > from_hz]
+
+
 def _filled(tap: Tap, channel: str) -> np.ndarray:
     values = tap[channel]
     sound = np.isfinite(values)
@@ -130,7 +149,7 @@ def _bands(group: Windows, channel: str, values: np.ndarray, amplitude: float, m
     keep = _without_lines(densities, white) & (white > LEAST_SENSITIVITY * white.max() * (channel in PRIMARY))
     bins = np.arange(1, len(white) + 1)
     found = []
-    for low, high in zip(EDGES[:-1] * group.length / 256, EDGES[1:] * group.length / 256):
+    for low, high in zip(*_edges(group.length)):
         chosen = (bins > low) & (bins < high) & keep
         if np.count_nonzero(chosen) < 2 or np.any(lines[:, chosen].mean(axis=0) > 0.5):
             continue
@@ -147,6 +166,15 @@ def _bands(group: Windows, channel: str, values: np.ndarray, amplitude: float, m
     return found
 
 
+def _edges(length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Of the bands, in bins: even in the logarithm, at least two bins each."""
+    edges = [FIRST_BIN]
+    for wanted in np.geomspace(FIRST_BIN, LAST_PART * length, BANDS)[1:]:
+        edges.append(max(edges[-1] + 2.0, math.floor(wanted) + 0.5))
+    found = np.array([edge for edge in edges if edge <= LAST_PART * length + 1.0])
+    return found[:-1], found[1:]
+
+
 def _answers(channel: str, amplitude: float, model: FloorModel, white: np.ndarray) -> dict[str, np.ndarray]:
     """Densities per unit strength squared."""
     if channel in PRIMARY:
@@ -155,7 +183,8 @@ def _answers(channel: str, amplitude: float, model: FloorModel, white: np.ndarra
         return {"primary_fs": white, "jitter_s": speed * (0.75 if phase else 0.25) * white, "slow_jitter_s": speed * (0.75 if phase else 0.0) * white,
                 f"other_{channel}": white, f"other_slow_{channel}": white * (1.0 / model.frequency_hz) ** 2}
     scale = (amplitude / model.calibration.amplitude_set_point_fs) ** 2
-    return {"secondary_fs": white, f"other_{channel}": white, f"other_slow_{channel}": white * (1.0 / model.frequency_hz) ** 2,
+    named = channel if channel != RATE else FORCES[0] if model.loop == "rebalance" else SECONDARY[0]
+    return {"secondary_fs": white, f"other_{named}": white, f"other_slow_{named}": white * (1.0 / model.frequency_hz) ** 2,
             "bias_rad_s": scale * model.of_rate(channel, relaxations), "octaves_rad_s": scale * model.of_rate(channel, flicker)}
 
 
@@ -163,7 +192,9 @@ def _without_lines(densities: np.ndarray, white: np.ndarray) -> np.ndarray:
     """Bins that no line stands on, (m,) bool."""
     whole = np.where(np.all(np.isnan(densities), axis=0), white, densities)
     level = np.nanmedian(whole / white, axis=0)
-    around = np.array([np.median(level[max(0, i - 8):i + 9]) for i in range(len(level))])
+    around = np.full(len(level), np.inf)  # the higher side, so that a slope is no line
+    for at in range(6, len(level) - 6):
+        around[at] = max(np.median(level[max(2, at - 9):at - 2]), np.median(level[at + 3:at + 10]))
     line = level > LINE_RATIO * around
     return ~np.convolve(line, np.ones(5), "same").astype(bool)
 
@@ -183,11 +214,10 @@ def sources(device: Device) -> dict[str, Source]:
         Source("flicker_noise", "bias_rad_s", "rad/s rms", max(1e-8, bias), 1e-3), Source("flicker_noise", "octaves_rad_s", "rad/s rms", max(1e-8, bias), 1e-3))}
 
 
-def examine(windows: Windows, device: Device, calibration: Calibration, slow: dict[str, np.ndarray], lines: np.ndarray) -> SpectralEvidence:
+def weigh(bands: list[Band], device: Device, windows: int) -> SpectralEvidence:
     """The whole question, answered per axis and put together."""
-    bands = bands_of(windows, device, calibration, slow, lines)
     if not bands:
-        return SpectralEvidence({}, {}, [], len(windows), ["no stretch of the baseband is quiet for long enough to look at its noise"])
+        return SpectralEvidence({}, {}, [], windows, ["no stretch of the recording is quiet for long enough to look at its noise"])
     axes = [_Axis([band for band in bands if (band.channel in PRIMARY) == primary], device) for primary in (True, False)]
     axes = [axis for axis in axes if axis.bands]
     scores = {chosen: _joined(axes, chosen) for size in range(3) for chosen in _sets(size)}
@@ -196,7 +226,7 @@ def examine(windows: Windows, device: Device, calibration: Calibration, slow: di
     for axis in axes:
         for effect in EFFECTS[:-1]:
             estimates.setdefault(effect, []).extend(axis.estimates(effect))
-    return SpectralEvidence({chosen: score - none for chosen, score in scores.items()}, estimates, bands, len(windows))
+    return SpectralEvidence({chosen: score - none for chosen, score in scores.items()}, estimates, bands, windows)
 
 
 def _sets(size: int) -> list[frozenset[str]]:
@@ -238,7 +268,7 @@ class _Axis:
         """Ways in which an effect may act here, each a list of sources."""
         answers = {name for band in self.bands for name in band.answers}
         if effect == "other":
-            channels = sorted({band.channel for band in self.bands})
+            channels = sorted({name.removeprefix("other_") for name in answers if name.startswith("other_") and not name.startswith("other_slow_")})
             kinds = [[f"other_{c}"] for c in channels] + [[f"other_slow_{c}"] for c in channels]
             return kinds + ([[f"other_{c}" for c in channels], [f"other_slow_{c}" for c in channels]] if len(channels) == 2 else [])
         return [[name] for name, source in self._sources.items() if source.effect == effect and name in answers]

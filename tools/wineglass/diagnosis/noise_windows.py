@@ -15,7 +15,8 @@ from wineglass.diagnosis.recorded_modes import foreign_spans, settling_s
 from wineglass.recording.reader import Recording, Tap
 from wineglass.wire import Status
 
-LENGTH = 256
+LENGTH_S = 5.12
+LENGTHS = 64, 4096
 TAPERS = 2
 KEPT = 0.75
 LEAST_WINDOWS = 4
@@ -80,8 +81,9 @@ class Windows:
         return Windows(self.tap, self.first[chosen], self.amplitude_fs[chosen], self.length)
 
 
-def quiet(recording: Recording, tap: Tap, calibration: Calibration | None, length: int = LENGTH, skip_s: np.ndarray | None = None) -> Windows:
+def quiet(recording: Recording, tap: Tap, calibration: Calibration | None, length_s: float = LENGTH_S, skip_s: np.ndarray | None = None) -> Windows:
     """Windows of a tap in which only noise should move. skip_s: instants of single events, which no window may hold, (k,)"""
+    length = int(np.clip(2 ** round(np.log2(length_s * tap.sample_rate_hz)), *LENGTHS))
     usable = _usable(recording, tap, calibration)
     for instant in np.empty(0) if skip_s is None else skip_s:
         usable &= ~((tap.time_s > instant - 0.2) & (tap.time_s < instant + settling_s(calibration)))

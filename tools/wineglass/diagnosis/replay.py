@@ -94,11 +94,12 @@ def check(recording: Recording) -> Replay:
     checked, differences, samples, intervals = [], [], 0, 0
     deviations: dict[str, Deviation] = {}
     stored: Stored = {}
+    refused: dict[str, list[int]] = {}
     for number, burst in enumerate(recording.bursts):
         try:
             again = replayed.run(burst, block)
         except NotReplayable as reason:
-            notes.append(f"burst {number}: {reason}")
+            refused.setdefault(str(reason), []).append(number)
             continue
         checked.append(number)
         samples += len(burst)
@@ -108,12 +109,21 @@ def check(recording: Recording) -> Replay:
         if block:
             found = configuration_check.deviations(burst.state_snapshot, block, replayed.Converters.of(burst))
             deviations = {item.name: item for item in found} | deviations
+    notes += [f"{_bursts(numbers)} cannot be replayed: {reason}" for reason, numbers in refused.items()]
     notes += [f"firmware version {recording.firmware_version} was recorded"] if recording.firmware_version and not checked else []
     wrong = [item for item in deviations.values() if not item.commandable]
     first = min(differences, key=lambda d: d.sample, default=None)
     ok = None if not checked else first is None and not wrong
     return Replay(ok, len(recording.bursts), checked, samples, intervals, first, sorted({d.burst for d in differences}), wrong,
                   [item for item in deviations.values() if item.commandable], notes)
+
+
+def _bursts(numbers: list[int]) -> str:
+    """'burst 3', or 'bursts 0 to 13' and the like."""
+    if len(numbers) == 1:
+        return f"burst {numbers[0]}"
+    whole = numbers == list(range(numbers[0], numbers[-1] + 1))
+    return f"bursts {numbers[0]} to {numbers[-1]}" if whole else "bursts " + ", ".join(map(str, numbers))
 
 
 def block_of(recording: Recording) -> tuple[bytes, list[str]]:
