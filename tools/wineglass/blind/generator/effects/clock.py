@@ -51,10 +51,10 @@ def jitter_periodic(world: World, strength: float) -> None:
 
 
 def _instants(world: World, per_minute: float) -> np.ndarray:
-    """Random sample numbers after the start, Poisson."""
+    """Random sample numbers after the start, Poisson, but at least one."""
     random, rate_hz = world.random("sample troubles"), world.described.electronics.sample_rate_hz
     length_s = max(world.duration_s - SETTLED_S, 0.0)
-    count = random.poisson(abs(per_minute) / 60.0 * length_s)
+    count = max(1, random.poisson(abs(per_minute) / 60.0 * length_s))
     return np.sort((SETTLED_S + length_s * random.random(count)) * rate_hz).astype(np.int64)
 
 
