@@ -95,6 +95,9 @@ WG_EXPORT void exam_run(struct exam *exam, size_t n, const struct exam_column *c
 /* The plant without firmware and converters: dac gives n pairs of forces (FS), state n times 4 numbers. */
 WG_EXPORT void exam_shell_run(struct exam *exam, const double *quantities, size_t n, const double *dac, double *state);
 
+/* Number of quantities, 2^32, and size of struct exam_cfg: what a caller in another language must agree on. */
+WG_EXPORT uint64_t exam_layout(void);
+
 WG_EXPORT struct wg_device *exam_device(struct exam *exam);
 WG_EXPORT uint64_t exam_clipped(const struct exam *exam);
 WG_EXPORT void exam_set_state(struct exam *exam, const double state[4]);

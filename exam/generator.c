@@ -95,6 +95,11 @@ void exam_destroy(struct exam *exam)
     free(exam);
 }
 
+uint64_t exam_layout(void)
+{
+    return (uint64_t)EXAM_QUANTITIES << 32 | sizeof(struct exam_cfg);
+}
+
 struct wg_device *exam_device(struct exam *exam)
 {
     return exam->device;
@@ -113,7 +118,7 @@ void exam_set_state(struct exam *exam, const double state[4])
 void exam_normals(uint64_t seed, uint64_t stream, size_t n, double *out)
 {
     struct exam_random random;
-    struct exam_ziggurat ziggurat;
+    struct exam_ziggurat ziggurat = {{0.0}, {0.0}};
     exam_random_init(&random, seed, stream);
     exam_ziggurat_init(&ziggurat);
     for (size_t i = 0; i < n; i++) {

@@ -259,3 +259,24 @@ def test_the_page_lists_every_variant_with_its_size():
         current = effect.strip("`") or current
         listed.add((current, name.strip("`"), unit_text, typical))
     assert {(one.id, one.name, one.unit, f"{one.typical:g}") for one in VARIANTS} <= listed
+
+
+@pytest.mark.parametrize("effects", [
+    [("vibration", "near_carrier", 100.0), ("interference", "alias", 10.0), ("clock_jitter", "periodic", 1.0), ("swept_rocking", "swept", 0.5)],
+    [("amplitude_frequency", "duffing", 3.0), ("amplitude_damping", "quartic", 0.02)],
+], ids=["four tones", "two powers"])
+def test_effects_that_exclude_each_other_are_refused(effects):
+    case = cases.case(effects=tuple(Applied(*one) for one in effects))
+    with pytest.raises(BadInput, match="at once"):
+        making.world_of(case, making.describe(case), {}).columns()
+
+
+def test_a_wrong_clock_shifts_the_whole_day():
+    """Rate, chamber, shell and everything that hangs on them are those of the true time; the order of effects does not matter."""
+    effects = (Applied("drive_feedthrough", "resistive", 100.0), Applied("thermometer_lag", "one_pole", 0.5), Applied("clock_error", "constant", 1e4))
+    worlds = [making.world_of(one, making.describe(one), {}) for one in (cases.case(effects=effects), cases.case(effects=effects[::-1]), cases.case())]
+    assert _inputs(worlds[0]) == _inputs(worlds[1]) != _inputs(worlds[2])
+    fast, right = worlds[0], worlds[2]
+    late = np.interp(fast.time_s, right.time_s, right.shell_degc)
+    np.testing.assert_allclose(fast.shell_degc, late, atol=1e-3)
+    np.testing.assert_allclose(fast.frequency_hz, np.interp(fast.time_s, right.time_s, right.frequency_hz), rtol=2e-7)

@@ -81,7 +81,7 @@ STEPS: tuple[Step, ...] = (
          "--suppress=shiftTooManyBitsSigned",  # the same
          "--suppress=comparePointers:hal/*/startup.c", "--suppress=comparePointers:hal/cortex_m/memory.h",  # begin and end of one section, named by the linker script
          "--suppress=syntaxError:hal/*/semihosting.c",  # register variables bound by the compiler's own syntax
-         "-I", ".", "-I", "firmware", "-j", "2", "firmware", "hal", "sim"),
+         "-I", ".", "-I", "firmware", "-j", "2", "firmware", "hal", "sim", "exam"),
     ), tools=("cppcheck",)),
 )
 

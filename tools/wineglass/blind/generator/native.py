@@ -58,9 +58,13 @@ def library() -> Any:
     """The loaded library. BadInput when it has not been built."""
     path = library_path()
     try:
-        return ffi.dlopen(str(path))
-    except OSError as error:
+        loaded = ffi.dlopen(str(path))
+        layout = loaded.exam_layout()
+    except (OSError, AttributeError) as error:
         raise BadInput(f"the examiner's library cannot be loaded ({str(error).splitlines()[0]})", path, "build it again") from None
+    if layout != len(QUANTITIES) << 32 | ffi.sizeof("struct exam_cfg"):
+        raise BadInput("the examiner's library was built from other sources than these", path, "build it again")
+    return loaded
 
 
 def pointer(array: np.ndarray, ctype: str) -> Any:

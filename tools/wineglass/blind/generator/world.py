@@ -14,8 +14,10 @@ import numpy as np
 
 from wineglass.blind.generator import laws
 from wineglass.device import Device
+from wineglass.errors import BadInput
 from wineglass.scenario import Scenario
 
+TONE_NAMES = "abc"
 COARSE_S = 0.1  # grid of what is slow even for temperatures
 MOUNT_SHARE, RIM_SHARE = 3e-4, 1e-4  # of the shell's time constant: the mount before it, the rim behind the thermometer
 ELECTRONICS_LAG = 3.0  # of the shell's time constant: board and converters follow the chamber
@@ -90,10 +92,9 @@ class World:
         self.block_s = self.described.block_samples / self.described.electronics.sample_rate_hz
         self.n_blocks = max(1, round(self.scenario.duration_s * self.described.slow_rate_hz))
         self.sample_period_s: Slow = 1.0 / self.described.electronics.sample_rate_hz
+        self.extra: dict[str, Slow] = {}
+        """quantities of the plant by their own names, added to what the fields give"""
         self.set_clock(0.0)
-        self._set_shell()
-        self._set_electronics()
-        self._set_thermometer()
 
     # --- time, table and chamber -------------------------------------------------------------------------------------
 
@@ -116,7 +117,8 @@ class World:
         return self.shell_degc - self.truth.resonator.reference_temperature_degc
 
     def set_clock(self, relative: Slow) -> None:
-        """The sampling period is longer by this part; the bench's own clock is right, so profiles are evaluated at the true times."""
+        """The sampling period is longer by this part; the bench's own clock is right, so the whole day is seen at the true times. Comes before all
+        that hangs on temperature or rate: it sets them anew."""
         nominal = 1.0 / self.described.electronics.sample_rate_hz
         self.sample_period_s = nominal * (1.0 + relative)
         nominal_times = np.arange(self.edges) * self.block_s
@@ -127,11 +129,14 @@ class World:
         self.time_s = nominal_times + late
         self.table_rate_rad_s = np.asarray(self.scenario.rate.at(self.time_s), float)
         self._set_temperatures()
+        self._set_shell()
+        self._set_electronics()
+        self._set_thermometer()
 
     def _set_temperatures(self) -> None:
         """chamber -> mount -> base (thermometer) -> rim; the electronics on their own."""
         profile = np.asarray(self.scenario.temperature.at(self.time_s), float)
-        shell_s, step = self.truth.thermal.shell_time_constant_s, self.block_s
+        shell_s, step = self.truth.thermal.shell_time_constant_s, float(self.time_s[-1] - self.time_s[0]) / self.n_blocks
         self.chamber_degc = profile
         if self.scenario.temperature.acts_on == "shell":
             self.mount_degc = self.base_degc = self.shell_degc = profile
@@ -169,8 +174,6 @@ class World:
         """true rate of the device that the table does not say"""
         self.stiffening: tuple[Slow, Slow] = (0.0, 0.0)
         self.thickening: tuple[Slow, Slow] = (0.0, 0.0)
-        self.extra: dict[str, Slow] = {}
-        """quantities of the plant by their own names, added to what the fields give"""
 
     def _set_electronics(self) -> None:
         adc, dac = self.truth.electronics.adc, self.truth.electronics.dac
@@ -234,9 +237,11 @@ class World:
     def columns(self) -> dict[str, Slow]:
         """The plant's quantities by name; those not named are 0."""
         found = {**self._shell_columns(), **self._force_columns(), **self._pickoff_columns()}
-        for index, tone in enumerate(self.tones):
-            found[f"tone_{'abc'[index]}"] = tone.amplitude
-            found[f"tone_{'abc'[index]}_hz"] = tone.frequency_hz
+        if len(self.tones) > len(TONE_NAMES):
+            raise BadInput(f"{len(self.tones)} tones at once", "case", f"the plant has {len(TONE_NAMES)}: take fewer vibrations and interferences")
+        for index, tone in zip(TONE_NAMES, self.tones, strict=False):
+            found[f"tone_{index}"] = tone.amplitude
+            found[f"tone_{index}_hz"] = tone.frequency_hz
         for name, value in self.extra.items():
             found[name] = found.get(name, 0.0) + value
         return found

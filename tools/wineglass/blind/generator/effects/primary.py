@@ -6,6 +6,7 @@ import numpy as np
 
 from wineglass.blind.generator.effects.register import effect
 from wineglass.blind.generator.world import Slow, World
+from wineglass.errors import BadInput
 
 FREQUENCY, LEVEL = ("drive_frequency",), ("drive_level",)
 SPAN_DEGC = 50.0  # temperature shift at which curved laws have the size of the straight ones
@@ -59,6 +60,10 @@ def damping_thermoelastic(world: World, strength: float) -> None:
 
 
 def _nonlinear(world: World, strength: float, power: int) -> tuple[float, float]:
+    """Both modes follow that power of the amplitude; a device has one power."""
+    taken = any(np.any(one) for one in (*world.stiffening, *world.thickening))
+    if taken and world.amplitude_power != power:
+        raise BadInput("two powers of the amplitude at once", "case", "take variants of the same power")
     world.amplitude_power = power
     return strength, strength
 
