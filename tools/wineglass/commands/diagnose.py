@@ -90,13 +90,16 @@ def _amended(device: Device, diagnosis: Diagnosis) -> str:
 
 
 def _evidence(args: argparse.Namespace) -> Evidence:
+    from dataclasses import replace
+
+    from wineglass import device as devices
     from wineglass.commands.import_ import parse_pairs, parse_rows
     from wineglass.diagnosis.evidence import from_csv, from_recording
 
     columns, units = parse_pairs(args.column, "--column", "ROLE=COLUMN"), parse_pairs(args.unit, "--unit", "COLUMN=UNIT")
     rows = parse_rows(args.drop_rows)
     if args.recording.suffix.lower() == ".csv":
-        return from_csv(args.recording, columns, units, rows)
+        return replace(from_csv(args.recording, columns, units, rows), device=None if args.device is None else devices.load(args.device).name)
     if columns or units or rows:
         raise BadInput("a recording knows its channels and units", args.recording, "leave --column, --unit and --drop-rows away")
     return from_recording(args.recording, args.device)

@@ -12,6 +12,7 @@ from wineglass.diagnosis.evidence import PAUSE_S, Evidence
 BLOCKS = 240
 FINE = 8  # fine means per block: the paths of lag and play are followed on these
 LEAST_SAMPLES = 160
+STEADY_DEGC = 1.0  # within that the temperature has no branches
 _TINY = 1e-12  # of the rate's spread: noise of data without any
 
 
@@ -107,6 +108,8 @@ def _sample_noise(values: np.ndarray) -> float:
 
 
 def _long_branches(temperature: np.ndarray) -> list[Branch]:
+    if np.ptp(temperature) < STEADY_DEGC:
+        return [Branch("heating", 0, len(temperature))]
     merged: list[Branch] = []
     for branch in find_branches(temperature):
         if merged and branch.stop - branch.start < 0.08 * len(temperature):

@@ -33,7 +33,7 @@ def told(blocks: Blocks) -> list[Split]:
     """What before and after are told of: every branch in turn where there are several cycles, else the end of the record."""
     if len(blocks.branches) < IN_TURN:
         return [primary(blocks)]
-    parts = [_split(blocks, "every thermal branch held out in turn", mask, LEAST_GROUP) for mask in _branch_masks(blocks)]
+    parts = [_split(blocks, "every thermal branch in turn", mask, LEAST_GROUP) for mask in _branch_masks(blocks)]
     whole = [part for part in parts if part is not None]
     return whole if len(whole) >= IN_TURN - 1 and np.mean(np.any([p.held for p in whole], axis=0)) > COVERED else [primary(blocks)]
 
