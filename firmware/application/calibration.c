@@ -195,6 +195,7 @@ static void spread(struct gyro_cfg *gyro, const struct hal_properties *board)
 {
     gyro->dac_shift = 32 - board->dac_bits;
     gyro->acquisition.decimation = gyro->lockin.decimation;
+    gyro->lockin.reference_shift = lockin_reference_shift(gyro->lockin.decimation);
     gyro->drive.freq_min_u64 = gyro->acquisition.freq_start_u64;
     gyro->drive.freq_max_u64 = gyro->acquisition.freq_end_u64;
     gyro->calibration_valid = true;

@@ -10,16 +10,16 @@
 #define STATES(member, width, count) {offsetof(struct gyro_state, member), (width), (count)}
 #define POLYNOMIAL(member)          CFGS(member.coef, 4, THERMAL_POLYNOMIAL_MAX_ORDER + 1), CFG(member.order, 4)
 #define COMPLEX(member)             STATE(member.i_q30, 4), STATE(member.q_q30, 4)
-#define CHANNEL(member)             STATE(member.sum_q52, 8), STATE(member.ramp_q52, 8), STATE(member.rising_q52, 8)
+#define CHANNEL(member)             STATE(member.sum, 8), STATE(member.ramp, 4), STATE(member.rising, 4)
 #define AXIS(member)                STATE(member.integral_q54, 8), STATE(member.force_q31, 4), STATE(member.saturated, 1)
+#define MEMORY(member)              STATE(member.next, 8), STATE(member.after, 8)
 #define FILTER(member)                                                                                              \
-    STATES(member.x1, 8, OUTPUT_FILTER_SECTIONS), STATES(member.x2, 8, OUTPUT_FILTER_SECTIONS),                     \
-        STATES(member.y1, 8, OUTPUT_FILTER_SECTIONS), STATES(member.y2, 8, OUTPUT_FILTER_SECTIONS)
+    MEMORY(member.memory[0]), MEMORY(member.memory[1]), STATE(member.last, 4), STATE(member.choice, 4)
 
 /* A field that is missing here is found by tests/unit/application/test_snapshot.c. A change of either table is a new
  * SNAPSHOT_VERSION. */
 static const struct layout_field cfg_fields[] = {
-    CFG(lockin.decimation, 4), CFG(lockin.normalise_q31, 4), CFG(loops_per_slow, 4),
+    CFG(lockin.decimation, 4), CFG(lockin.normalise_q31, 4), CFG(lockin.reference_shift, 4), CFG(loops_per_slow, 4),
     CFG(acquisition.freq_start_u64, 8), CFG(acquisition.freq_end_u64, 8), CFG(acquisition.chirp_ticks_log2, 4),
     CFG(acquisition.settle_ticks, 4), CFG(acquisition.listen_ticks_log2, 4), CFG(acquisition.audible_q30, 4),
     CFG(acquisition.attempts, 4), CFG(acquisition.decimation, 4),
@@ -68,7 +68,7 @@ static const struct layout_field state_fields[] = {
     STATE(drive_force.cosine_q31, 4), STATE(drive_force.sine_q31, 4), STATE(rebalance_force.cosine_q31, 4),
     STATE(rebalance_force.sine_q31, 4), STATE(dac_mask, 4), STATE(two_cos_q30, 4),
     STATE(temperature_shift_q20, 4), STATE(bias_rad_s_q31, 4), STATE(scale_rad_s_q28, 4), STATE(decay_per_s_q22, 4),
-    STATE(drive_phase_rad_q31, 4), STATE(bias_at_tick_q31, 4), STATE(bias_step_q31, 4),
+    STATE(drive_phase_rad_q31, 4), STATE(bias_at_tick_q31, 4), STATE(bias_step_q31, 4), STATE(gain_step_q48, 4),
     STATE(loop_slot, 4), STATE(slow_slot, 4), STATE(blank_ticks, 4), STATE(lock_ticks, 4), STATE(silent_ticks, 4),
     STATE(loop, 4), STATE(compensation, 4),
     STATE(overflow, 1), STATE(adc_saturated, 1), STATE(drive_saturated, 1), STATE(rebalance_saturated, 1),

@@ -8,7 +8,7 @@
 #include "application/reason.h"
 #include "core/gyro.h"
 
-#define SNAPSHOT_VERSION      3
+#define SNAPSHOT_VERSION      4
 #define SNAPSHOT_HEADER_BYTES 12 /* version u16, size u16, sample counter u64 */
 
 struct snapshot {

@@ -6,26 +6,24 @@
 #include "application/layout.h"
 #include "application/limits.h"
 
-/* min <= value <= max; `count` neighbours of the same kind. */
+/* min <= value <= max. */
 struct bound {
     uint16_t offset; /* in struct gyro_state */
-    uint8_t width, count;
+    uint8_t width;
     int64_t min, max;
 };
 
-#define BOUND(member, width, min, max) {offsetof(struct gyro_state, member), (width), 1, (min), (max)}
+#define BOUND(member, width, min, max) {offsetof(struct gyro_state, member), (width), (min), (max)}
 #define WITHIN(member, width, limit)   BOUND(member, (width), -(limit), (limit))
-#define WITHINS(member, count, limit)  {offsetof(struct gyro_state, member), 8, (count), -(limit), (limit)}
 #define POWER(exponent)                (INT64_C(1) << (exponent))
 #define PHASOR(member)                 WITHIN(member.cosine_q30, 4, POWER(30) + POWER(13)), WITHIN(member.sine_q30, 4, POWER(30) + POWER(13))
-#define FILTER(member)                                                                                              \
-    WITHINS(member.x1, OUTPUT_FILTER_SECTIONS, POWER(48)), WITHINS(member.x2, OUTPUT_FILTER_SECTIONS, POWER(48)),   \
-        WITHINS(member.y1, OUTPUT_FILTER_SECTIONS, POWER(48)), WITHINS(member.y2, OUTPUT_FILTER_SECTIONS, POWER(48))
+#define MEMORY(member)                 WITHIN(member.next, 8, POWER(59)), WITHIN(member.after, 8, POWER(59))
+#define FILTER(member)                 MEMORY(member.memory[0]), MEMORY(member.memory[1])
 
 /* What is not in this table or in a function below may have any value: it is bounded before it is used, or counted modulo its range.
  * Each bound is that of the range proof at the place named. */
 static const struct bound bounds[] = {
-    WITHIN(decoupler_coefs.minus_gain_q48, 4, POWER(30)), WITHIN(decoupler_coefs.a1_low_q36, 4, POWER(5)), /* core/decoupler.h */
+    WITHIN(decoupler_coefs.minus_gain_q48, 4, POWER(30)), WITHIN(gain_step_q48, 4, POWER(30)), WITHIN(decoupler_coefs.a1_low_q36, 4, POWER(5)), /* core/decoupler.h */
     BOUND(decoupler_coefs.minus_r2_q30, 4, -POWER(30), 0), WITHIN(decoupler_coefs.minus_r2_low_q36, 4, POWER(5)),
     WITHIN(decoupler.next_q61, 8, 3 * POWER(60) + POWER(50)), WITHIN(decoupler.after_q61, 8, POWER(60) + POWER(50)),
     BOUND(acquisition.phase, 4, ACQUISITION_CHIRP, ACQUISITION_DONE), BOUND(acquisition.attempt, 4, 0, 6), /* core/acquisition.c */
@@ -51,10 +49,8 @@ static bool element_within(const struct bound *bound, const uint8_t *element)
 static bool all_within(const struct gyro_state *state)
 {
     for (size_t i = 0; i < sizeof bounds / sizeof bounds[0]; i++) {
-        for (size_t element = 0; element < bounds[i].count; element++) {
-            if (!element_within(&bounds[i], (const uint8_t *)state + bounds[i].offset + element * bounds[i].width)) {
-                return false;
-            }
+        if (!element_within(&bounds[i], (const uint8_t *)state + bounds[i].offset)) {
+            return false;
         }
     }
     return true;
@@ -65,24 +61,16 @@ static bool slots_are_within(const struct gyro_cfg *cfg, const struct gyro_state
     return state->loop_slot < cfg->lockin.decimation && state->slow_slot < cfg->loops_per_slow;
 }
 
-static bool is_within(int64_t value, int64_t limit)
+/* After n of a window's products, none above 2^(61 - reference_shift) but for the phasor's 5e-6 (core/lockin.h). */
+static bool channel_is_within(const struct lockin_channel *channel, const struct gyro_cfg *cfg, int64_t taken)
 {
-    return value >= -limit && value <= limit;
-}
-
-/* After n of N products of a window, none above P (core/lockin.h): n of them, 1 + .. + n, and of the last window 1 + .. + N - 1. */
-static bool channel_is_within(const struct lockin_channel *channel, int64_t taken, int64_t decimation)
-{
-    const int64_t product_q52 = POWER(52) + POWER(35);
-    return is_within(channel->sum_q52, taken * product_q52) && is_within(channel->rising_q52, decimation * (decimation - 1) / 2 * product_q52) &&
-           is_within(channel->ramp_q52, POWER(62) + POWER(45)) &&
-           is_within(channel->ramp_q52 - channel->rising_q52, taken * (taken + 1) / 2 * product_q52);
+    int64_t limit = taken * ((POWER(61) + POWER(44)) >> cfg->lockin.reference_shift);
+    return channel->sum >= -limit && channel->sum <= limit;
 }
 
 static bool lockin_is_within(const struct lockin_state *lockin, const struct gyro_cfg *cfg, const struct gyro_state *state)
 {
-    return channel_is_within(&lockin->in_phase, state->loop_slot, cfg->lockin.decimation) &&
-           channel_is_within(&lockin->quadrature, state->loop_slot, cfg->lockin.decimation);
+    return channel_is_within(&lockin->in_phase, cfg, state->loop_slot) && channel_is_within(&lockin->quadrature, cfg, state->loop_slot);
 }
 
 static bool force_is_within(struct gyro_force force)
@@ -133,6 +121,7 @@ static bool configuration_is_sound(const struct gyro_cfg *cfg)
 {
     const struct test_signal_cfg *test = &cfg->test_signal;
     return calibration_gyro_is_sound(cfg) && cfg->dac_shift <= 24 && cfg->acquisition.decimation == cfg->lockin.decimation &&
+           cfg->lockin.reference_shift == lockin_reference_shift(cfg->lockin.decimation) &&
            cfg->drive.freq_min_u64 == cfg->acquisition.freq_start_u64 && cfg->drive.freq_max_u64 == cfg->acquisition.freq_end_u64 &&
            magnitude(cfg->drive.phase_set_point_i32) <= PHASE_SET_POINT_MAX_I32 && magnitude(test->in_phase_q31) <= DRIVE_MAX_Q31 &&
            magnitude(test->quadrature_q31) <= DRIVE_MAX_Q31 && test->freq_u32 <= POWER(31);

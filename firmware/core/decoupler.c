@@ -6,7 +6,6 @@
 #define SIXTH_Q31 INT32_C(357913941)
 #define DECAY_LIMIT_Q40 (INT64_C(1) << 33) /* 2^-7 a sample: eps < 2^-6, Q above 40 at 5 kHz and 50 kSa/s */
 #define OFFSET_LIMIT (INT64_C(1) << 55)    /* 2^-9 turn a sample, 0.0123 rad */
-#define GAIN_LIMIT_Q48 (INT64_C(1) << 30)  /* 2^-18 */
 
 void decoupler_reset(struct decoupler_state *state)
 {
@@ -33,13 +32,13 @@ static bool within_tuning(int64_t offset_u64)
     return offset_u64 <= OFFSET_LIMIT && offset_u64 >= -OFFSET_LIMIT;
 }
 
-bool decoupler_two_cosine(const struct decoupler_tuning *tuning, uint64_t freq_u64, int32_t *two_cos_q30)
+bool decoupler_two_cosine(const struct decoupler_tuning *tuning, uint64_t freq_u64, int64_t *two_cos_q40)
 {
     int64_t offset_u64 = (int64_t)(freq_u64 - tuning->center_freq_u64);
     if (!within_tuning(offset_u64)) {
         return false;
     }
-    *two_cos_q30 = (int32_t)(two_cosine_q40(tuning, offset_u64) >> 10);
+    *two_cos_q40 = two_cosine_q40(tuning, offset_u64);
     return true;
 }
 
@@ -54,7 +53,7 @@ static int64_t decay_per_sample_q40(const struct decoupler_tuning *tuning, int32
 static int32_t input_gain_q48(const struct decoupler_tuning *tuning, int64_t d_q40, int32_t bias_rad_s_q31, bool *clamped)
 {
     int64_t full_q48 = fixed_round_shift((int64_t)bias_rad_s_q31 * tuning->coupling_gain_q44, 28);
-    int32_t gain_q48 = (int32_t)fixed_clamp_i64(full_q48, -GAIN_LIMIT_Q48, GAIN_LIMIT_Q48, clamped);
+    int32_t gain_q48 = (int32_t)fixed_clamp_i64(full_q48, -DECOUPLER_GAIN_MAX_Q48, DECOUPLER_GAIN_MAX_Q48, clamped);
     int64_t d_q36 = d_q40 >> 4;
     int64_t loss_q40 = d_q40 - ((4 * ((d_q36 * d_q36) >> 32) * SIXTH_Q31) >> 31);
     int32_t loss_q31 = (int32_t)(loss_q40 >> 9);
@@ -69,12 +68,11 @@ int32_t decoupler_gain_q48(const struct decoupler_tuning *tuning, int32_t decay_
 }
 
 /* Range: d < 2^33 in Q40; d in Q36 < 2^29, squares in Q40 < 2^26, cubes < 2^19; a1 < 2 keeps Q30 within 32 bit. */
-bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, int32_t decay_per_s_q22,
-                      int32_t bias_rad_s_q31, struct decoupler_coefs *coefs)
+bool decoupler_tune(const struct decoupler_tuning *tuning, int64_t two_cos_q40, int32_t decay_per_s_q22, int32_t bias_rad_s_q31,
+                    struct decoupler_coefs *coefs)
 {
-    int64_t offset_u64 = (int64_t)(freq_u64 - tuning->center_freq_u64);
     int64_t d_q40 = decay_per_sample_q40(tuning, decay_per_s_q22);
-    if (!within_tuning(offset_u64) || d_q40 <= 0 || d_q40 >= DECAY_LIMIT_Q40) {
+    if (d_q40 <= 0 || d_q40 >= DECAY_LIMIT_Q40) {
         return false;
     }
     bool clamped = false;
@@ -86,7 +84,6 @@ bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, 
     int64_t d2_q40 = (d_q36 * d_q36) >> 32;
     int64_t d3_q40 = (d_q36 * d2_q40) >> 36;
     int64_t eps_q40 = 2 * (d_q40 - d2_q40) + ((8 * d3_q40 * SIXTH_Q31) >> 31);
-    int64_t two_cos_q40 = two_cosine_q40(tuning, offset_u64);
     int64_t eps_q36 = fixed_round_shift(eps_q40, 4);
     int64_t a1_q40 = two_cos_q40 - (((two_cos_q40 >> 10) * eps_q36) >> 27); /* of the eps in force, so that the phase stays exact */
     int64_t a1_q30 = fixed_round_shift(a1_q40, 10);
@@ -97,4 +94,12 @@ bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, 
     coefs->minus_r2_low_q36 = (int32_t)(minus_r2_q36 - (int64_t)coefs->minus_r2_q30 * 64);
     coefs->minus_gain_q48 = -gain_q48;
     return true;
+}
+
+bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, int32_t decay_per_s_q22, int32_t bias_rad_s_q31,
+                      struct decoupler_coefs *coefs)
+{
+    int64_t two_cos_q40;
+    return decoupler_two_cosine(tuning, freq_u64, &two_cos_q40) &&
+           decoupler_tune(tuning, two_cos_q40, decay_per_s_q22, bias_rad_s_q31, coefs);
 }

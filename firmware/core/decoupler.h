@@ -24,8 +24,10 @@
 
 #include "core/fixed.h"
 
+#define DECOUPLER_GAIN_MAX_Q48 (INT32_C(1) << 30) /* 2^-18: bias rates up to 0.19 rad/s at 50 kSa/s and g = 2 */
+
 struct decoupler_coefs {
-    int32_t minus_gain_q48;   /* |gain| <= 2^-18: bias rates up to 0.19 rad/s at 50 kSa/s and g = 2 */
+    int32_t minus_gain_q48;   /* |gain| <= DECOUPLER_GAIN_MAX_Q48 */
     int32_t a1_q30;           /* (1 + r^2) cos w, upper part; w between 0.02 and 3.1 rad */
     int32_t a1_low_q36;       /* what rounding to Q30 left of a1, |.| <= 2^5 */
     int32_t minus_r2_q30;     /* -r^2, upper part; 1 - r^2 < 2^-6 */
@@ -55,8 +57,12 @@ void decoupler_reset(struct decoupler_state *state);
 bool decoupler_retune(const struct decoupler_tuning *tuning, uint64_t freq_u64, int32_t decay_per_s_q22,
                       int32_t bias_rad_s_q31, struct decoupler_coefs *coefs);
 
-/* 2 cos of the angle per sample, Q30; false, leaving *two_cos_q30 alone, when the frequency is outside the tuning's validity. */
-bool decoupler_two_cosine(const struct decoupler_tuning *tuning, uint64_t freq_u64, int32_t *two_cos_q30);
+/* 2 cos of the angle per sample; false, leaving *two_cos_q40 alone, when the frequency is outside the tuning's validity. */
+bool decoupler_two_cosine(const struct decoupler_tuning *tuning, uint64_t freq_u64, int64_t *two_cos_q40);
+
+/* decoupler_retune() for a frequency of which 2 cos is known. */
+bool decoupler_tune(const struct decoupler_tuning *tuning, int64_t two_cos_q40, int32_t decay_per_s_q22, int32_t bias_rad_s_q31,
+                    struct decoupler_coefs *coefs);
 
 /* Only the input gain, for updates between two retunings. *overflow is set when it had to be clamped. */
 int32_t decoupler_gain_q48(const struct decoupler_tuning *tuning, int32_t decay_per_s_q22, int32_t bias_rad_s_q31,

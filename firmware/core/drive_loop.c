@@ -31,20 +31,17 @@ static void step_phase(const struct drive_loop_cfg *cfg, struct drive_loop_state
     state->freq_u64 = step_frequency(cfg, state->freq_integral_u64, (int64_t)error_i32 * (int64_t)cfg->pll_proportional_q32);
 }
 
-/* Range: |error| < 2^31.4 in Q30, gains < 2^31: products fit; error x proportional in Q46 is bounded to 2^54 (force 256) before it is
- * scaled to Q54. The integral moves only while the force is free or the error takes it back from its limit. */
+/* Range: |error| < 2^31 in Q30, gains < 2^31: products fit, the proportional part is bounded to 2^62. The integral moves only while the force is free or the error takes it back from its limit. */
 static void step_amplitude(const struct drive_loop_cfg *cfg, struct drive_loop_state *state, int32_t amplitude_q30)
 {
     bool clamped = false;
-    int64_t error_q30 = (int64_t)cfg->amplitude_q30 - amplitude_q30;
+    int32_t error_q30 = fixed_error(cfg->amplitude_q30, amplitude_q30);
     int64_t limit_q54 = (int64_t)cfg->drive_max_q31 << 23;
-    int64_t bound_q46 = INT64_C(1) << 54;
-    int64_t proportional_q46 = fixed_clamp_i64(error_q30 * cfg->agc_proportional_q16, -bound_q46, bound_q46, &clamped);
-    int64_t wanted_q54 = proportional_q46 * 256 + state->drive_integral_q54;
+    int64_t wanted_q54 = fixed_proportional_q54(error_q30, cfg->agc_proportional_q16) + state->drive_integral_q54;
     bool held_high = wanted_q54 > limit_q54 && error_q30 > 0;
     bool held_low = wanted_q54 < 0 && error_q30 < 0;
     if (!held_high && !held_low) {
-        int64_t integral = state->drive_integral_q54 + error_q30 * cfg->agc_integral_q24;
+        int64_t integral = state->drive_integral_q54 + (int64_t)error_q30 * cfg->agc_integral_q24;
         state->drive_integral_q54 = fixed_clamp_i64(integral, 0, limit_q54, &clamped);
     }
     state->amplitude_q30 = amplitude_q30;

@@ -90,6 +90,28 @@ static inline bool fixed_sub_wraps(int32_t a, int32_t b, int32_t *difference)
 #endif
 }
 
+/* a - b, |.| <= INT32_MAX; what does not fit is as good as the limit to the controllers that use it. */
+static inline int32_t fixed_error(int32_t a, int32_t b)
+{
+    int32_t difference;
+    if (fixed_sub_wraps(a, b, &difference)) {
+        difference = (a >> 31) ^ INT32_MAX;
+    }
+    return difference;
+}
+
+/* error (Q30) x gain (Q16) = Q46, bounded to +-2^54 (a force of 256) and scaled to Q54. Range: |product| <= 2^62; the bound is put to the upper
+ * word. */
+static inline int64_t fixed_proportional_q54(int32_t error_q30, int32_t gain_q16)
+{
+    int64_t product_q46 = (int64_t)error_q30 * gain_q16;
+    int32_t high = fixed_high_word(product_q46);
+    high = high < -(INT32_C(1) << 22) ? -(INT32_C(1) << 22) : high;
+    high = high > (INT32_C(1) << 22) - 1 ? (INT32_C(1) << 22) - 1 : high;
+    uint32_t low = (uint32_t)product_q46;
+    return (int64_t)((uint64_t)(((uint32_t)high << 8) | (low >> 24)) << 32 | (low << 8));
+}
+
 /* Leading zeros, value != 0. */
 static inline unsigned fixed_leading_zeros(uint32_t value)
 {

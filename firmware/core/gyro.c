@@ -33,7 +33,7 @@ void gyro_reset(const struct gyro_cfg *cfg, struct gyro_state *state)
     drive_loop_reset(&state->drive, cfg->tuning.center_freq_u64, 0);
     state->drive_lead = gyro_drive_lead(cfg, state);
     state->demodulation = oscillator_phasor(0);
-    (void)decoupler_two_cosine(&cfg->tuning, cfg->tuning.center_freq_u64, &state->two_cos_q30);
+    state->two_cos_q30 = (int32_t)(cfg->tuning.center_2cos_q40 >> 10);
     state->signals.freq_u64 = cfg->tuning.center_freq_u64;
     state->loop_slot = cfg->lockin.decimation - 1; /* the schedule begins with a loop tick */
     state->slow_slot = cfg->loops_per_slow - 1;
@@ -90,7 +90,7 @@ struct gyro_output gyro_step(const struct gyro_cfg *cfg, struct gyro_state *stat
 {
     struct gyro_output output;
     struct phasor_q30 phasor = oscillator_phasor(oscillator_step(&state->oscillator));
-    struct lockin_reference reference = lockin_reference(phasor);
+    struct lockin_reference reference = lockin_reference(cfg->lockin.reference_shift, phasor);
     watch_pickoffs(cfg, state, input);
     lockin_step(&state->primary_lockin, input->primary_q31, reference);
     lockin_step(&state->secondary_lockin, decoupled_q31(state, input), reference);

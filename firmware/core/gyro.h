@@ -145,7 +145,8 @@ struct gyro_state {
     int32_t temperature_shift_q20;
     int32_t bias_rad_s_q31, scale_rad_s_q28, decay_per_s_q22, drive_phase_rad_q31; /* at the last temperature */
     int32_t bias_at_tick_q31;                     /* polynomial at the last slow tick; bias_rad_s_q31 moves on from it */
-    int32_t bias_step_q31;                        /* expected change of the bias per loop tick */
+    int32_t bias_step_q31;                        /* expected change of the bias per loop tick, followed while the decoupler is on */
+    int32_t gain_step_q48;                        /* the same, of the decoupler's gain */
     uint32_t loop_slot;                           /* of the next sample: samples since the last loop tick */
     uint32_t slow_slot;                           /* loop ticks since the last slow tick */
     uint32_t blank_ticks;                         /* loop ticks to wait after a jump of the oscillator */

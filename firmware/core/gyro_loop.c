@@ -53,11 +53,17 @@ static void add_amplitude(struct gyro_sum *sum, struct complex_q30 amplitude)
     sum->q_q30 += amplitude.q_q30;
 }
 
-/* Between two retunings the decoupler's gain follows the bias's expected course. */
-static void follow_bias(const struct gyro_cfg *cfg, struct gyro_state *state)
+/* Between two retunings the decoupler's gain follows the bias's expected course; what leaves the range has the gain's own sign. */
+static void follow_bias(struct gyro_state *state)
 {
+    int32_t last_q48 = state->decoupler_coefs.minus_gain_q48, gain_q48;
+    if (fixed_sub_wraps(last_q48, state->gain_step_q48, &gain_q48) || gain_q48 > DECOUPLER_GAIN_MAX_Q48 ||
+        gain_q48 < -DECOUPLER_GAIN_MAX_Q48) {
+        state->overflow = true;
+        gain_q48 = last_q48 < 0 ? -DECOUPLER_GAIN_MAX_Q48 : DECOUPLER_GAIN_MAX_Q48;
+    }
+    state->decoupler_coefs.minus_gain_q48 = gain_q48;
     state->bias_rad_s_q31 = fixed_saturate_i32((int64_t)state->bias_rad_s_q31 + state->bias_step_q31, &state->overflow);
-    state->decoupler_coefs.minus_gain_q48 = -decoupler_gain_q48(&cfg->tuning, state->decay_per_s_q22, state->bias_rad_s_q31, &state->overflow);
 }
 
 static void measure_amplitudes(const struct gyro_cfg *cfg, struct gyro_state *state)
@@ -66,7 +72,9 @@ static void measure_amplitudes(const struct gyro_cfg *cfg, struct gyro_state *st
     state->secondary = turn_back(lockin_output(&cfg->lockin, &state->secondary_lockin), state->demodulation);
     add_amplitude(&state->primary_sum, state->primary);
     add_amplitude(&state->secondary_sum, state->secondary);
-    follow_bias(cfg, state);
+    if (state->decoupling) {
+        follow_bias(state);
+    }
 }
 
 static void begin_drive_loop(const struct gyro_cfg *cfg, struct gyro_state *state, struct acquisition_output found)
@@ -172,8 +180,8 @@ static void run_secondary(const struct gyro_cfg *cfg, struct gyro_state *state)
 
 int32_t gyro_half_distance(int32_t a, int32_t b)
 {
-    int64_t difference = (int64_t)a - b;
-    return (int32_t)((difference < 0 ? -difference : difference) >> 1);
+    uint32_t distance = a < b ? (uint32_t)b - (uint32_t)a : (uint32_t)a - (uint32_t)b;
+    return (int32_t)(distance >> 1);
 }
 
 bool gyro_amplitude_in_range(const struct gyro_cfg *cfg, const struct gyro_state *state)

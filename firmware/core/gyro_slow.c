@@ -38,6 +38,7 @@ static void evaluate_polynomials(const struct gyro_cfg *cfg, struct gyro_state *
     state->scale_rad_s_q28 = thermal_polynomial_eval(scale, argument_q31, &state->overflow);
     int32_t phase_rad_q31 = thermal_polynomial_eval(&cfg->demodulation_phase_rad_q31, argument_q31, &state->overflow);
     state->demodulation = oscillator_phasor(0u - gyro_turns_from_rad_q31(phase_rad_q31)); /* a lag is undone by a lead */
+    state->drive_lead = gyro_drive_lead(cfg, state);
 }
 
 /* A change of loop or compensation takes effect here, between two slow periods. */
@@ -52,12 +53,18 @@ static void select_mode(const struct gyro_cfg *cfg, struct gyro_state *state)
     state->decoupling = state->compensation == GYRO_COMPENSATION_G2 && state->loop == GYRO_LOOP_OPEN;
 }
 
+/* Outside the tuning's validity the decoupler keeps what it has. */
 static void retune(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
-    state->retune_valid = decoupler_retune(&cfg->tuning, state->oscillator.freq_u64, state->decay_per_s_q22,
-                                           state->bias_rad_s_q31, &state->decoupler_coefs);
-    (void)decoupler_two_cosine(&cfg->tuning, state->oscillator.freq_u64, &state->two_cos_q30);
-    state->drive_lead = gyro_drive_lead(cfg, state);
+    int64_t two_cos_q40;
+    bool near = decoupler_two_cosine(&cfg->tuning, state->oscillator.freq_u64, &two_cos_q40);
+    if (near) {
+        state->two_cos_q30 = (int32_t)(two_cos_q40 >> 10);
+    }
+    state->retune_valid = near && decoupler_tune(&cfg->tuning, two_cos_q40, state->decay_per_s_q22, state->bias_rad_s_q31,
+                                                 &state->decoupler_coefs);
+    state->gain_step_q48 = state->retune_valid
+        ? decoupler_gain_q48(&cfg->tuning, state->decay_per_s_q22, state->bias_step_q31, &state->overflow) : 0;
     state->dac_mask = (UINT32_C(1) << cfg->dac_shift) - 1;
     select_mode(cfg, state);
 }
@@ -98,27 +105,44 @@ static void compensate(const struct gyro_cfg *cfg, struct gyro_state *state, int
     }
 }
 
-static void compute_rate(const struct gyro_cfg *cfg, struct gyro_state *state)
+static void take_means(const struct gyro_cfg *cfg, struct gyro_state *state)
 {
     struct gyro_signals *signals = &state->signals;
-    bool valid = false;
-    int32_t compensated_q28, uncompensated_q28;
     signals->primary = mean_amplitude(cfg, &state->primary_sum);
     signals->secondary = mean_amplitude(cfg, &state->secondary_sum);
     struct complex_q30 force = mean_amplitude(cfg, &state->rebalance_sum);
     signals->rebalance_in_phase_q31 = -2 * force.i_q30;
     signals->rebalance_quadrature_q31 = 2 * force.q_q30;
-    struct complex_q30 read = state->loop == GYRO_LOOP_REBALANCE ? force : signals->secondary;
-    struct complex_q30 read_quadrature = {read.q_q30, -read.i_q30};
-    int32_t ratio_q29 = rate_ratio_q29(signals->primary, read, &valid, &state->overflow);
-    int32_t measured_q28 = rate_scale_q28(ratio_q29, state->scale_rad_s_q28, &state->overflow);
-    ratio_q29 = rate_ratio_q29(signals->primary, read_quadrature, &valid, &state->overflow);
-    signals->quadrature_rad_s_q28 = rate_scale_q28(ratio_q29, state->scale_rad_s_q28, &state->overflow);
-    compensate(cfg, state, measured_q28, &compensated_q28, &uncompensated_q28);
-    signals->angle_u64 += (uint64_t)(int64_t)compensated_q28;
-    signals->rate_rad_s_q28 = output_filter_step(cfg->output_filter, &state->filter, compensated_q28, &state->overflow);
+}
+
+/* What the rate is read from: amplitudes or, force in Q31 halved to Q30, what nulls them. */
+static struct complex_q30 read_amplitude(const struct gyro_state *state)
+{
+    const struct gyro_signals *signals = &state->signals;
+    if (state->loop != GYRO_LOOP_REBALANCE) {
+        return signals->secondary;
+    }
+    return (struct complex_q30){-(signals->rebalance_in_phase_q31 / 2), signals->rebalance_quadrature_q31 / 2};
+}
+
+/* Leaves both rates unfiltered; the next slot filters them. */
+static void compute_rate(const struct gyro_cfg *cfg, struct gyro_state *state)
+{
+    struct gyro_signals *signals = &state->signals;
+    take_means(cfg, state);
+    struct rate_ratio ratio = rate_ratio_q29(signals->primary, read_amplitude(state), &state->overflow);
+    int32_t measured_q28 = rate_scale_q28(ratio.in_phase_q29, state->scale_rad_s_q28, &state->overflow);
+    signals->quadrature_rad_s_q28 = rate_scale_q28(ratio.quadrature_q29, state->scale_rad_s_q28, &state->overflow);
+    compensate(cfg, state, measured_q28, &signals->rate_rad_s_q28, &signals->rate_uncompensated_rad_s_q28);
+    signals->angle_u64 += (uint64_t)(int64_t)signals->rate_rad_s_q28;
+}
+
+static void filter_rate(const struct gyro_cfg *cfg, struct gyro_state *state)
+{
+    struct gyro_signals *signals = &state->signals;
+    signals->rate_rad_s_q28 = output_filter_step(cfg->output_filter, &state->filter, signals->rate_rad_s_q28, &state->overflow);
     signals->rate_uncompensated_rad_s_q28 =
-        output_filter_step(cfg->output_filter, &state->filter_uncompensated, uncompensated_q28, &state->overflow);
+        output_filter_step(cfg->output_filter, &state->filter_uncompensated, signals->rate_uncompensated_rad_s_q28, &state->overflow);
 }
 
 static bool compensation_ready(const struct gyro_cfg *cfg, const struct gyro_state *state)
@@ -175,6 +199,7 @@ bool gyro_slow_task(const struct gyro_cfg *cfg, struct gyro_state *state, uint32
         compute_rate(cfg, state);
         return false;
     case GYRO_LOOP_TASKS + 1:
+        filter_rate(cfg, state);
         publish(cfg, state);
         return true;
     case GYRO_LOOP_TASKS + 2:

@@ -7,26 +7,32 @@ void lockin_reset(struct lockin_state *state)
     *state = (struct lockin_state){{0, 0, 0}, {0, 0, 0}};
 }
 
-/* Amplitude = 2 x mean = ramp x 2 / N^2; ramp in Q52 times 4 / N^2 in Q31, upper part: Q51 of twice that, so Q52.
- * Range: 2^30 2^31 4 / N^2 + 2^30 < 2^62; N times a window's sum <= N^2 2^52 <= 2^62. */
-static int64_t channel_output_q52(const struct lockin_cfg *cfg, struct lockin_channel *channel)
+/* Sum of the triangle's products, in the ramp's unit; then the next window begins. Floors took half a unit N times. */
+static int32_t take_sum(uint32_t decimation, struct lockin_channel *channel)
 {
-    struct fixed_words ramp = fixed_words(channel->ramp_q52);
-    int64_t rising_q52 = channel->sum_q52 * cfg->decimation - (channel->ramp_q52 - channel->rising_q52);
-    *channel = (struct lockin_channel){0, rising_q52, rising_q52};
-    return (int64_t)ramp.high * cfg->normalise_q31 + fixed_mul_high_floor(ramp.low, cfg->normalise_q31);
+    uint32_t sum = channel->ramp + decimation / 2;
+    uint32_t rising = decimation * (uint32_t)fixed_high_word(channel->sum) - (channel->ramp - channel->rising);
+    *channel = (struct lockin_channel){0, rising, rising};
+    return (int32_t)sum;
 }
 
-/* Q52 -> Q30. The result reaches 2^31 only for a full-scale input beside an oscillator that stands still; it is clamped then. */
-static int32_t rounded_q30(int64_t amplitude_q52)
+/* Amplitude = 2 x mean = sum x 2 / N^2. The sum counts 2^(29-s), so in Q30 the factor is 2^(s+2) / N^2, above 1 and at most 2: 4 / N^2 in Q31 times
+ * 2^s / 4, as Q29. The result reaches 2^31 only for a full-scale input beside an oscillator that stands still; it is clamped then. */
+static int32_t factor_q29(const struct lockin_cfg *cfg)
+{
+    return fixed_middle_word((int64_t)((uint64_t)(uint32_t)cfg->normalise_q31 * (UINT32_C(1) << cfg->reference_shift)), 2);
+}
+
+static int32_t rounded_q30(int64_t product_q59)
 {
     bool clamped = false;
-    return fixed_saturate_i32(fixed_round_shift(amplitude_q52, 22), &clamped);
+    return fixed_saturate_i32(fixed_round_shift(product_q59, 29), &clamped);
 }
 
 struct complex_q30 lockin_output(const struct lockin_cfg *cfg, struct lockin_state *state)
 {
-    int64_t in_phase_q52 = channel_output_q52(cfg, &state->in_phase);
-    int64_t quadrature_q52 = channel_output_q52(cfg, &state->quadrature);
-    return (struct complex_q30){rounded_q30(in_phase_q52), rounded_q30(-quadrature_q52)};
+    int32_t factor = factor_q29(cfg);
+    int64_t in_phase_q59 = (int64_t)take_sum(cfg->decimation, &state->in_phase) * factor;
+    int64_t quadrature_q59 = (int64_t)take_sum(cfg->decimation, &state->quadrature) * factor;
+    return (struct complex_q30){rounded_q30(in_phase_q59), rounded_q30(-quadrature_q59)};
 }

@@ -1,4 +1,4 @@
-/* Rate from the secondary amplitude relative to the primary: Re(z2 conj(z1)) / |z1|^2, times the scale factor. Using the primary as the
+/* Rate from the secondary amplitude relative to the primary: z2 conj(z1) / |z1|^2, times the scale factor. Using the primary as the
  * reference takes the drive loop's phase error and amplitude error out of the result. */
 #ifndef WINEGLASS_CORE_RATE_H
 #define WINEGLASS_CORE_RATE_H
@@ -8,8 +8,14 @@
 
 #include "core/lockin.h"
 
-/* In-phase ratio in Q29, range +-4; *valid is false (and the result 0) when |z1| is below 2^-6. */
-int32_t rate_ratio_q29(struct complex_q30 primary, struct complex_q30 secondary, bool *valid, bool *overflow);
+/* Secondary over primary, range +-4: the part in phase with the primary and the one 90 degrees ahead of it. Not valid, and zero, when |z1| is
+ * below 2^-6. */
+struct rate_ratio {
+    int32_t in_phase_q29, quadrature_q29;
+    bool valid;
+};
+
+struct rate_ratio rate_ratio_q29(struct complex_q30 primary, struct complex_q30 secondary, bool *overflow);
 
 /* ratio times scale (rad/s per unit, Q28) -> rad/s in Q28. */
 int32_t rate_scale_q28(int32_t ratio_q29, int32_t scale_rad_s_q28, bool *overflow);

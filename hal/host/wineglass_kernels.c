@@ -44,10 +44,10 @@ int64_t wg_lockin_run(uint32_t decimation, uint64_t phase_u64, uint64_t freq_u64
         return -1;
     }
     uint64_t normalise_q31 = (UINT64_C(4) << 31) / (decimation * decimation);
-    struct lockin_cfg cfg = {decimation, normalise_q31 > INT32_MAX ? INT32_MAX : (int32_t)normalise_q31};
+    struct lockin_cfg cfg = {decimation, normalise_q31 > INT32_MAX ? INT32_MAX : (int32_t)normalise_q31, lockin_reference_shift(decimation)};
     lockin_reset(&lockin);
     for (size_t i = 0; i < n; i++) {
-        lockin_step(&lockin, pickoff_q31[i], lockin_reference(oscillator_phasor(oscillator_step(&oscillator))));
+        lockin_step(&lockin, pickoff_q31[i], lockin_reference(cfg.reference_shift, oscillator_phasor(oscillator_step(&oscillator))));
         if ((i + 1) % decimation == 0) {
             struct complex_q30 amplitude = lockin_output(&cfg, &lockin);
             in_phase_q30[outputs] = amplitude.i_q30;
@@ -105,10 +105,9 @@ void wg_rate_ratio_eval(const int32_t *primary_i_q30, const int32_t *primary_q_q
                         const int32_t *secondary_q_q30, int32_t *ratio_q29, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
-        bool valid = false;
         bool overflow = false;
-        ratio_q29[i] = rate_ratio_q29((struct complex_q30){primary_i_q30[i], primary_q_q30[i]},
-                                      (struct complex_q30){secondary_i_q30[i], secondary_q_q30[i]}, &valid, &overflow);
+        struct complex_q30 primary = {primary_i_q30[i], primary_q_q30[i]}, secondary = {secondary_i_q30[i], secondary_q_q30[i]};
+        ratio_q29[i] = rate_ratio_q29(primary, secondary, &overflow).in_phase_q29;
     }
 }
 

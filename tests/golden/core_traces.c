@@ -61,12 +61,12 @@ static void trace_lockin(void)
 {
     struct trace in_phase = trace_begin("lock-in in phase"), quadrature = trace_begin("lock-in quadrature");
     struct random_state random = {1};
-    struct lockin_cfg cfg = {10, 85899346};
+    struct lockin_cfg cfg = {10, 85899346, lockin_reference_shift(10)};
     struct lockin_state state;
     struct oscillator_state oscillator = {0, UINT64_C(0x199A2B3C4D5E6F70)};
     lockin_reset(&state);
     for (int n = 1; n <= 100000; n++) {
-        struct lockin_reference reference = lockin_reference(oscillator_phasor(oscillator_step(&oscillator)));
+        struct lockin_reference reference = lockin_reference(cfg.reference_shift, oscillator_phasor(oscillator_step(&oscillator)));
         lockin_step(&state, random_wide_i32(&random), reference);
         if (n % 10 == 0) {
             struct complex_q30 out = lockin_output(&cfg, &state);
@@ -121,11 +121,13 @@ static void trace_polar_and_rate(void)
     for (int n = 0; n < 100000; n++) {
         struct complex_q30 primary = random_complex(&random, 1), secondary = random_complex(&random, 1);
         struct polar polar = polar_from_complex(primary);
-        bool valid = false, overflow = false;
-        int32_t ratio_q29 = rate_ratio_q29(primary, secondary, &valid, &overflow);
+        bool overflow = false;
+        struct rate_ratio both_q29 = rate_ratio_q29(primary, secondary, &overflow);
+        int32_t ratio_q29 = both_q29.in_phase_q29;
         trace_add(&magnitude, polar.magnitude_q30);
         trace_add(&angle, polar.angle_i32);
         trace_add(&ratio, ratio_q29);
+        trace_add(&ratio, both_q29.quadrature_q29);
         trace_add(&scaled, rate_scale_q28(ratio_q29, random_wide_i32(&random), &overflow));
         trace_add(&scaled, overflow);
         int32_t bias = random_wide_i32(&random), decay = random_wide_i32(&random) & INT32_MAX;

@@ -114,7 +114,7 @@ static void set_polynomials(struct gyro_cfg *cfg, const struct fixture_device *d
 
 struct gyro_cfg fixture_cfg(const struct fixture_device *device)
 {
-    struct gyro_cfg cfg = {.lockin = {.decimation = 10, .normalise_q31 = q(4.0 / 100.0, 31)}, .loops_per_slow = 5};
+    struct gyro_cfg cfg = {.lockin = {.decimation = 10, .normalise_q31 = q(4.0 / 100.0, 31), .reference_shift = lockin_reference_shift(10)}, .loops_per_slow = 5};
     set_acquisition(&cfg, device);
     set_loops(&cfg, device);
     set_polynomials(&cfg, device);

@@ -51,7 +51,7 @@ KERNEL struct phasor_q30 cost_cosine_sine(uint32_t phase_u32)
 
 KERNEL void cost_lockin_pair(struct lockin_state pair[2], int32_t primary_q31, int32_t secondary_q31, const struct phasor_q30 *phasor)
 {
-    struct lockin_reference reference = lockin_reference(*phasor);
+    struct lockin_reference reference = lockin_reference(5, *phasor);
     lockin_step(&pair[0], primary_q31, reference);
     lockin_step(&pair[1], secondary_q31, reference);
 }
@@ -91,11 +91,11 @@ static void every_loop_tick(void)
     static struct drive_loop_state drive = {.freq_u64 = UINT64_C(2) << 60, .freq_integral_u64 = UINT64_C(2) << 60};
     static struct rebalance_state rebalance;
     static struct lockin_state lockin;
-    const struct lockin_cfg lockin_cfg = {10, 85899346};
+    const struct lockin_cfg lockin_cfg = {10, 85899346, 5};
     struct polar polar = polar_from_complex(random_complex(1 + (random_u32() % 31)));
     drive_loop_step(&drive_cfg, &drive, polar);
     rebalance_step(&rebalance_cfg, &rebalance, random_complex(31));
-    lockin.in_phase.ramp_q52 = (int64_t)random_i32(32) << 26;
+    lockin.in_phase.ramp = random_u32();
     sink = lockin_output(&lockin_cfg, &lockin).i_q30;
 }
 
@@ -110,12 +110,11 @@ static void every_slow_tick(void)
     for (unsigned i = 0; i <= THERMAL_POLYNOMIAL_MAX_ORDER; i++) {
         polynomial.coef[i] = random_i32(32 - (random_u32() & 7));
     }
-    bool valid;
     uint64_t freq_u64 = tuning.center_freq_u64 + (uint64_t)((int64_t)random_i32(32) * (1 << 23));
     sink = thermal_polynomial_eval(&polynomial, random_i32(32), &flag);
     sink = decoupler_retune(&tuning, freq_u64, random_i32(31) & 0x0FFFFFFF, random_i32(22), &coefs);
-    sink = rate_ratio_q29(random_complex(1 + (random_u32() % 31)), random_complex(31), &valid, &flag);
-    sink = output_filter_step(1 + (random_u32() & 3), &filter, random_i32(32), &flag);
+    sink = rate_ratio_q29(random_complex(1 + (random_u32() % 31)), random_complex(31), &flag).in_phase_q29;
+    sink = output_filter_step(OUTPUT_FILTER_0_05, &filter, random_i32(32), &flag);
 }
 
 int main(void)

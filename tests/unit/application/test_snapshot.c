@@ -243,10 +243,9 @@ static void numbers_that_no_range_proof_allows_are_refused(void)
         int64_t value;
         bool wide;
     } wrong[] = {
-        {&state->primary_lockin.in_phase.ramp_q52, INT64_C(3) << 61, true},
-        {&state->primary_lockin.in_phase.sum_q52, INT64_C(1) << 57, true},
-        {&state->secondary_lockin.quadrature.rising_q52, INT64_C(1) << 60, true},
-        {&state->secondary_lockin.quadrature.rising_q52, -(INT64_C(1) << 62), true},
+        {&state->primary_lockin.in_phase.sum, INT64_C(1) << 61, true},
+        {&state->secondary_lockin.quadrature.sum, -(INT64_C(1) << 62), true},
+        {&run->gyro.cfg.lockin.reference_shift, 4, false},
         {&state->decoupler.next_q61, INT64_C(1) << 62, true},
         {&state->decoupler.after_q61, INT64_C(1) << 61, true},
         {&state->decoupler_coefs.minus_gain_q48, INT32_MAX, false},
@@ -256,7 +255,8 @@ static void numbers_that_no_range_proof_allows_are_refused(void)
         {&state->rebalance.in_phase.integral_q54, INT64_MAX, true},
         {&state->drive_shaper.error1, (1 << 23) + 1, false},
         {&state->rate.removed_rad_s_q46, INT64_C(1) << 60, true},
-        {&state->filter.y2[1], INT64_MAX / 2, true},
+        {&state->filter.memory[1].after, INT64_MAX / 2, true},
+        {&state->gain_step_q48, INT32_MIN, false},
         {&state->drive_lead.cosine_q30, INT32_MIN, false},
         {&state->demodulation.sine_q30, INT32_MAX, false},
         {&state->drive_force.cosine_q31, INT32_MIN, false},

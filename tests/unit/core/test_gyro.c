@@ -284,6 +284,7 @@ static void test_gyros_share_nothing(void)
     struct gyro_cfg other = cfg;
     other.compensation = GYRO_COMPENSATION_NONE;
     other.lockin.decimation = 8;
+    other.lockin.reference_shift = lockin_reference_shift(8);
     const struct gyro_cfg *const cfgs[2] = {&cfg, &other};
     enum { COUNT = 20000 };
     static struct gyro_input inputs[COUNT];
