@@ -93,14 +93,14 @@ def test_a_sound_recording_is_silent(sound, loop):
 CASES = [
     ("excess_noise", {"primary_fs": 6e-5, "secondary_fs": 0.0}), ("excess_noise", {"primary_fs": 0.0, "secondary_fs": 6e-5}),
     ("clock_jitter", {"jitter_s": 2e-9}), ("dropped_samples", {"distance_samples": 1.1e6, "doubled": 0}),
-    ("dropped_samples", {"distance_samples": 4e5, "doubled": 1}), ("interference", {"amplitude_fs": 3e-6, "frequency_hz": 5003.0}),
+    ("dropped_samples", {"distance_samples": 4e5, "doubled": 1}), ("dropped_samples", {"distance_samples": 1e4, "doubled": 0}), ("interference", {"amplitude_fs": 3e-6, "frequency_hz": 5003.0}),
     ("interference", {"amplitude_fs": 3e-5, "frequency_hz": 13210.0}), ("vibration", {"rate_rad_s": 2e-4, "frequency_hz": 7.3}),
     ("thermometer_quantisation", {"step_degc": 0.25}), ("adc_saturation", {"loss_fs": 0.15}), ("adc_nonlinearity", {"cubic": 3e-4}),
     ("firmware_mismatch", {"scale": 0.01, "bias": 0.0}),
 ]
 
 
-@pytest.mark.parametrize(("loop", "effect", "values"), [("open", *case) for case in CASES] + [("rebalance", *case) for case in CASES[1:8:2]])
+@pytest.mark.parametrize(("loop", "effect", "values"), [("open", *case) for case in CASES] + [("rebalance", *case) for case in CASES[1:9:2]])
 def test_each_effect_is_named_alone(tmp_path, loop, effect, values):
     found = examined(make(tmp_path / "x.h5", loop, [Setting(effect, values)]))
     assert found.named == [effect]
@@ -179,6 +179,32 @@ def test_curve_of_a_converter_by_hand():
     for name, truth in (("cubic", 8e-4), ("quadratic", -5e-4), ("quintic", 0.0)):
         assert abs(found[name][0] - truth) < 4 * found[name][1] + 2e-6, (name, found[name])
     assert evidence["adc_nonlinearity"] > 100
+
+
+def swung(curve, noise_fs=2.2e-5, count=14):
+    """Bursts of a sine through a characteristic, quantised with 16 bits."""
+    rng, n = np.random.default_rng(SEED), np.arange(2500)
+    bursts = []
+    for number in range(count):
+        amplitude = 0.9 if number % 5 else 0.6
+        x = amplitude * np.cos(2 * np.pi * (0.1 + 1e-6 * rng.standard_normal()) * n + number)
+        codes = np.round(curve(x + noise_fs * rng.standard_normal(len(n))) * 32768).astype(np.int32)
+        bursts.append(raw_codes._burst(_Codes({"primary_adc_raw": codes}), "primary_adc_raw", number))
+    evidence, values = {"adc_saturation": -2.0}, {}
+    raw_codes._curvature(bursts, evidence, values)
+    return evidence, {name: value for name, value, *_ in values.get("adc_nonlinearity", [])}
+
+
+def test_repeating_steps_of_a_converter_are_found_and_noise_is_not():
+    evidence, values = swung(lambda x: x + 2 / 32768 * ((x * 512) % 1 - 0.5))
+    assert evidence["adc_nonlinearity"] > 100 and values["ripple_period_fs"] == pytest.approx(1 / 512, rel=0.01)
+    evidence, _ = swung(lambda x: x)
+    assert evidence["adc_nonlinearity"] < 0
+
+
+def test_an_amplifier_that_gives_way_near_its_end_may_be_either():
+    evidence, _ = swung(lambda x: np.where(np.abs(x) > 0.7, np.sign(x) * (0.7 + 0.25 * np.tanh((np.abs(x) - 0.7) / 0.25)), x))
+    assert evidence["adc_saturation"] > 100 and evidence["adc_nonlinearity"] - evidence["adc_saturation"] < 3
 
 
 class _Codes:

@@ -16,7 +16,8 @@ from wineglass.wire import Status
 
 THRESHOLD = 12.0
 """sigmas of one sample of the frequency"""
-APART_S = 0.3
+APART_S, APART_SAMPLES = 0.05, 2.5
+"""between two jumps, the longer of both; the phase loop forgets one within some 30 ms"""
 TOLERANCE = 0.17
 """relative, of the turns: the frequency is sampled once per slow tick while the phase loop answers within a few of them"""
 AFTER_START_S, AFTER_COMMAND_S = 1.5, 1.5
@@ -74,7 +75,7 @@ def find(recording: Recording) -> Events | None:
         return None
     sigma = 1.4826 * float(np.median(np.abs(rest[usable])))
     large = np.flatnonzero(usable & (np.abs(rest) > THRESHOLD * sigma))
-    groups = np.split(large, np.flatnonzero(np.diff(large) > APART_S * tap.sample_rate_hz) + 1) if len(large) else []
+    groups = np.split(large, np.flatnonzero(np.diff(large) > max(APART_S * tap.sample_rate_hz, APART_SAMPLES)) + 1) if len(large) else []
     per_sample = float(np.median(filled[usable])) / tap.counter_rate_hz
     found = [_event(tap.time_s, rest, group, tap.sample_rate_hz, per_sample) for group in groups]
     found = [event for event in found if abs(event.turns) >= LEAST_TURNS]
@@ -109,7 +110,7 @@ def _locked_since(recording: Recording) -> float:
 
 
 def _event(time_s: np.ndarray, rest: np.ndarray, group: np.ndarray, rate_hz: float, per_sample: float) -> Event:
-    first, last = max(0, group[0] - 2), min(len(rest), group[-1] + 3)
+    first, last = max(0, group[0] - 1), min(len(rest), group[-1] + 2)
     turns = float(np.sum(rest[first:last])) / rate_hz
     count = round(turns / per_sample)
     fits = 1 <= abs(count) <= LARGEST_COUNT and abs(turns / per_sample - count) < TOLERANCE * abs(count)

@@ -80,8 +80,8 @@ def examine(recording: Recording, device: Device | Run | None = None, slow_model
     again = replay.check(recording)
     output = output_check.check(recording)
     steps = thermometer_codes.find(recording, described) if described is not None else None
-    raw = raw_codes.examine(recording, described) if described is not None else None
     events = noise_events.find(recording)
+    raw = raw_codes.examine(recording, described, None if events is None else events.times_s) if described is not None else None
     spectral, lines = _telemetry(recording, described, calibration, events, steps, dict(slow_model or {}), notes)
     looks = _Looks(again, output, spectral, lines, events, steps, raw)
     for part in (again.not_checked if again.ok is None else [], output.not_checked, spectral.notes if spectral else [], lines.notes if lines else [],

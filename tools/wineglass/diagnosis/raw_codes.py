@@ -26,7 +26,12 @@ CHANNELS = ("primary_adc_raw", "secondary_adc_raw")
 CLIP_EXCESS = 0.004
 """relative: by which the sine through the lower part of the swing must exceed the top that is reached"""
 CLIP_LEAST = 20
+JUMP_S = 0.3
+"""a burst so soon after a jump of phase still shows the loops' answer"""
+SURE = 6.0
 MODEL_ERROR = 0.03
+RIPPLE_BITS, RIPPLE_FIRST = 17, 64
+"""resolution over the code; periods longer than so many to the full range are curves, which harmonics show"""
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,7 @@ class Burst:
     level: float
     common_step: int
     rest: np.ndarray
+    smooth: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -63,19 +69,25 @@ class RawEvidence:
     notes: list[str] = field(default_factory=list)
 
 
-def examine(recording: Recording, device: Device) -> RawEvidence:
-    """All bursts together."""
-    bursts = [found for number, tap in enumerate(recording.bursts) for channel in CHANNELS
+def examine(recording: Recording, device: Device, skip_s: np.ndarray | None = None) -> RawEvidence:
+    """All bursts together, without those in which something jumped: skip_s, instants (k,)."""
+    jumps = np.empty(0) if skip_s is None else skip_s
+    bursts = [found for number, tap in enumerate(recording.bursts) if not _jumped(tap, jumps) for channel in CHANNELS
               if (found := _burst(tap, channel, number)) is not None]
     if not bursts:
-        return RawEvidence({}, {}, [], ["no raw burst to look at the converters"])
+        return RawEvidence({}, {}, [], ["no raw burst to look at the converters" + (" without a jump in it" if recording.bursts and len(jumps) else "")])
     evidence: dict[str, float] = {}
     values: dict[str, list[tuple[str, float, float, str]]] = {}
     _clipping(bursts, evidence, values)
-    _curvature(bursts, evidence, values)
-    _noise(bursts, device, evidence, values)
+    rippled = _curvature(bursts, evidence, values)
+    _noise(bursts, device, rippled, evidence, values)
     _lines(bursts, recording, evidence, values)
     return RawEvidence(evidence, values, bursts)
+
+
+def _jumped(tap: Tap, jumps_s: np.ndarray) -> bool:
+    begin = tap.first_sample / tap.counter_rate_hz
+    return bool(np.any((jumps_s > begin - JUMP_S) & (jumps_s < begin + len(tap) / tap.sample_rate_hz + 0.05)))
 
 
 # ---- one burst ---------------------------------------------------------------------------------------------------------------------
@@ -99,7 +111,7 @@ def _burst(tap: Tap, channel: str, number: int) -> Burst | None:
     double = float(np.mean((rest**2 - variance) * -np.cos(2.0 * phase)) * 2.0)  # largest where the carrier is fastest
     clipped, level = _clip(x, centred, base.amplitude)
     return Burst(channel, number, len(x), frequency, base.amplitude, harmonics, math.sqrt(2.0 * variance / len(x)), variance,
-                 variance * math.sqrt(2.0 / len(x)), double, variance * math.sqrt(4.0 / len(x)), clipped, level, _step(codes), rest)
+                 variance * math.sqrt(2.0 / len(x)), double, variance * math.sqrt(4.0 / len(x)), clipped, level, _step(codes), rest, x - rest)
 
 
 def _frequency(x: np.ndarray) -> float | None:
@@ -182,11 +194,12 @@ def _clipping(bursts: list[Burst], evidence: dict[str, float], values: dict[str,
         values["adc_saturation"] = [("loss_fs", 1.0 - float(levels.mean()), max(2e-4, float(np.std(levels))), "FS")]
 
 
-def _curvature(bursts: list[Burst], evidence: dict[str, float], values: dict[str, list[tuple[str, float, float, str]]]) -> None:
-    """Harmonics of the primary in step with it. Whatever the curve's form: even and odd ones are summed; a cubic and a square are fitted."""
+def _curvature(bursts: list[Burst], evidence: dict[str, float], values: dict[str, list[tuple[str, float, float, str]]]) -> float:
+    """Harmonics of the primary in step with it, and steps that repeat over the code. Whatever the curve's form: even and odd ones are summed; a
+    polynomial is fitted. Returns the variance [FS^2] that repeating steps leave."""
     chosen = [burst for burst in bursts if burst.channel == CHANNELS[0] and burst.amplitude > 0.05 and not burst.clipped]
     if not chosen:
-        return
+        return 0.0
     weights = np.array([1.0 / burst.harmonic_sigma**2 for burst in chosen])
     mean = np.sum([w * burst.harmonics for w, burst in zip(weights, chosen, strict=True)], axis=0) / weights.sum()
     sigma = math.hypot(1.0 / math.sqrt(weights.sum()), 2e-7)
@@ -195,6 +208,49 @@ def _curvature(bursts: list[Burst], evidence: dict[str, float], values: dict[str
     evidence["adc_nonlinearity"] = float(0.5 * power - terms * math.log(300.0)) if power > 60.0 else -4.0
     if power > 60.0:
         values["adc_nonlinearity"] = _curve(chosen, sigma)
+        if _only_at_the_top(chosen):
+            evidence["adc_saturation"] = max(evidence["adc_saturation"], evidence["adc_nonlinearity"] - 2.0)
+    ripple = _ripple(chosen)
+    if ripple.log_evidence > max(SURE, evidence["adc_nonlinearity"]) and evidence["adc_saturation"] < SURE:
+        evidence["adc_nonlinearity"] = ripple.log_evidence
+        values["adc_nonlinearity"] = [("ripple_fs", ripple.amplitude, 0.1 * ripple.amplitude, "FS"), ("ripple_period_fs", ripple.period, 0.01 * ripple.period, "FS")]
+        return ripple.variance
+    return 0.0
+
+
+@dataclass(frozen=True)
+class _Ripple:
+    """The strongest period of what is left over the code: steps that repeat from code to code. amplitude, period [FS]"""
+
+    log_evidence: float
+    amplitude: float
+    period: float
+    variance: float
+    """of what is left, explained by all periods that stand out"""
+
+
+def _ripple(bursts: list[Burst]) -> _Ripple:
+    """Fourier transform of what is left over the level that the signal has without its noise, not over time: a converter's own steps stay where they
+    are. White noise gives every period a power of one, exponentially distributed."""
+    level, rest = np.concatenate([burst.smooth for burst in bursts]), np.concatenate([burst.rest for burst in bursts])
+    size = 1 << RIPPLE_BITS
+    places = np.clip((level + 1.0) * (size // 2), 0, size - 1).astype(np.int64)
+    transform = np.fft.rfft(np.bincount(places, rest, size))[RIPPLE_FIRST:size // 8]
+    power = np.abs(transform) ** 2 / np.sum(rest**2)
+    at = int(np.argmax(power))
+    return _Ripple(float(power[at]) - math.log(len(power)) - 3.0, 2.0 * float(np.abs(transform[at])) / len(rest), 2.0 / (at + RIPPLE_FIRST),
+                   2.0 * float(np.sum(np.abs(transform[power > 14.0]) ** 2)) / len(rest) ** 2)
+
+
+def _only_at_the_top(bursts: list[Burst]) -> bool:
+    """The third harmonic falls much faster with the amplitude than a cubic's does: an amplifier that gives way near its end."""
+    amplitude = np.array([burst.amplitude for burst in bursts])
+    high, low = amplitude > 0.98 * amplitude.max(), amplitude < 0.85 * amplitude.max()
+    if not low.any():
+        return False
+    third = [np.mean([abs(burst.harmonics[1]) for burst, chosen in zip(bursts, part, strict=True) if chosen]) for part in (high, low)]
+    cubic = float((amplitude[low].mean() / amplitude[high].mean()) ** 3)
+    return bool(third[1] < 0.4 * cubic * third[0] and third[0] > 1e-5)
 
 
 def _curve(bursts: list[Burst], systematic: float) -> list[tuple[str, float, float, str]]:
@@ -217,7 +273,7 @@ def _curve(bursts: list[Burst], systematic: float) -> list[tuple[str, float, flo
             for name, value, error in zip(("cubic", "quintic", "quadratic"), estimate, deviation, strict=True)]
 
 
-def _noise(bursts: list[Burst], device: Device, evidence: dict[str, float], values: dict[str, list[tuple[str, float, float, str]]]) -> None:
+def _noise(bursts: list[Burst], device: Device, rippled: float, evidence: dict[str, float], values: dict[str, list[tuple[str, float, float, str]]]) -> None:
     """Variance per sample of both pickoffs, and how it goes with the carrier's speed."""
     floor, tolerance = Pickoff.of(device), _tolerance(device)
     evidence["excess_noise"], evidence["clock_jitter"] = -1.0, -1.0
@@ -230,7 +286,7 @@ def _noise(bursts: list[Burst], device: Device, evidence: dict[str, float], valu
         modulation, modulation_sigma = _weighted([(burst.modulation, burst.modulation_sigma) for burst in own])
         if channel == CHANNELS[0]:
             _jitter(own, device, evidence, values)
-        white = variance - max(0.0, modulation if channel == CHANNELS[0] else 0.0)
+        white = variance - (max(0.0, modulation) + 1.3 * rippled if channel == CHANNELS[0] else 0.0)
         spread = math.sqrt(sigma**2 + modulation_sigma**2 + (floor.noise * tolerance) ** 2 + (MODEL_ERROR * variance) ** 2)
         excess = white - floor.whole
         if excess > 0.0 and max(burst.common_step for burst in own) > 1:
