@@ -10,6 +10,7 @@ import pytest
 from both_twins import Case, both, rms
 from wineglass import bench_script, cli, effects, protocols, scenario
 from wineglass import device as devices
+from wineglass.calibration.observations import observe
 from wineglass.effects import Setting
 from wineglass.envelope import Envelope
 from wineglass.errors import BadInput
@@ -208,6 +209,12 @@ def test_full_on_the_twin_makes_a_small_recording_without_complaints(loop, tmp_p
     events = [(event.kind, event.value, event.sample) for event in recording.events]
     for segment in protocols.segments(run.scenario):
         assert ("segment", segment.name, round(segment.begin_s * 50e3)) in events
+    usable = observe(recording)
+    for segment in protocols.segments(run.scenario):
+        within = (usable.time_s > segment.begin_s + 0.1) & (usable.time_s < segment.end_s)
+        forced = {"test_middle": 0.45, "free_middle": 0.06, "free_cold": 0.06, "ring_down_hot": 0.7}.get(segment.name, 1.0)  # forces, drive off, their echo
+        assert usable.valid[within].mean() <= forced, segment.name
+    assert usable.valid.mean() > 0.8
     said = [value for kind, value, _ in events if kind == "command"]
     assert said.count("drive on=False") == said.count("drive on=True") == 2
     assert any(value.startswith("amplitude set_point_fs=0.6") for value in said)

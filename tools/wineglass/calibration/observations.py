@@ -12,6 +12,8 @@ from wineglass.recording import Recording, Tap
 from wineglass.wire import Status
 
 MAX_SAMPLES = 50_000  # longer records are averaged in pairs, threes, ... to stay below this
+SETTLED_DECAYS = 8.0  # of the open secondary, e^-8 = 3e-4 of a disturbance is left
+SETTLED_CLOSED_S = 0.5
 RATE_MOVES_RAD_S = 1e-6  # a true rate that stays within this is a constant
 
 
@@ -93,14 +95,37 @@ def _decoupled(recording: Recording) -> bool:
 
 
 def _locked(recording: Recording, time_s: np.ndarray) -> np.ndarray:
-    """Mask of the times at which the drive loop was locked and nothing saturated; all, where no status was recorded."""
+    """Mask of the times at which the drive loop was locked, nothing saturated and no test disturbed the rate; all, where no status was
+    recorded."""
     if "baseband" not in recording.taps or "status" not in recording.tap("baseband"):
         return np.ones(len(time_s), bool)
     tap = recording.tap("baseband")
     status = tap.codes("status").astype(np.int64)
     good = tap.valid & (status & Status.LOCKED != 0) & (status & (Status.ADC_SATURATED | Status.OVERFLOW) == 0)
+    good &= ~_disturbed(recording, status, tap.sample_rate_hz)
     nearest = np.clip(np.searchsorted(tap.time_s, time_s - 0.5 / tap.sample_rate_hz), 0, tap.length - 1)
     return good[nearest]
+
+
+def _disturbed(recording: Recording, status: np.ndarray, rate_hz: float) -> np.ndarray:
+    """Test forces, ring-downs and changes of the loop, and after each of them what the secondary mode takes to forget; (n,) bool."""
+    disturbed = status & (Status.TEST_ACTIVE | Status.DRIVE_OFF) != 0
+    closed = (status & Status.REBALANCE_ACTIVE) != 0
+    locked = (status & Status.LOCKED) != 0
+    disturbed[1:] |= (closed[1:] != closed[:-1]) & locked[1:] & locked[:-1]
+    if not disturbed.any():
+        return disturbed
+    last = np.maximum.accumulate(np.where(disturbed, np.arange(len(status)), -len(status)))
+    since_s = (np.arange(len(status)) - last) / rate_hz
+    return since_s <= np.where(closed, SETTLED_CLOSED_S, SETTLED_DECAYS * _decay_s(recording))
+
+
+def _decay_s(recording: Recording) -> float:
+    """Of the secondary mode, at the calibration's temperature; 0: not known."""
+    if not recording.calibration_block:
+        return 0.0
+    block = calibration_block.from_binary(recording.calibration_block, f"{recording.path}, calibration_block")
+    return 1.0 / block.decay_rate_per_s[0] if block.decay_rate_per_s[0] > 0 else 0.0
 
 
 def _measured(recording: Recording, channel: str) -> tuple[np.ndarray, np.ndarray]:
