@@ -12,9 +12,11 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from wineglass import effects
+from wineglass.device import Device
 from wineglass.diagnosis.explain import Explained, Support, explained, posterior_mean, prior_of
 from wineglass.diagnosis.responses import POLAR, REACH, Bench, Responses, Variant, uncertainties
 from wineglass.diagnosis.system import Products, System, products
+from wineglass.diagnosis.unit import Unit
 from wineglass.effects import Setting
 from wineglass.errors import BadInput
 
@@ -22,7 +24,8 @@ RUNS = 40
 SLOW = 0.4  # share of what the linear system promised that a good step keeps; after a worse one the Jacobian is computed anew
 ENOUGH = 0.3  # nats promised: then it is closed
 NEGLIGIBLE = 1e-4  # of a prior's spread
-SHAPE_STEP = 0.05
+SHAPE_STEP, STRENGTH_STEP = 0.05, 0.005
+SETTLE_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -50,9 +53,8 @@ class Closed:
     jacobian: np.ndarray
     """(k, channels, n) in the channels' units"""
     response: np.ndarray
-    """(channels, n): what the effects do, in the channels' units"""
-    nuisance: np.ndarray
-    """(m, channels, n): what one standard deviation of each uncertain value does, in the channels' units"""
+    """(channels, n): what the effects, and the unit where it is another one, do to the bench's nominal run, in the channels' units"""
+    ground: Ground
     products: Products
     runs: int
     entry: Explained = field(init=False)
@@ -93,29 +95,53 @@ def _polar(effect: str, given: dict[str, float]) -> dict[str, float]:
     return {**given, POLAR[effect][0]: float(np.hypot(cosine, sine)), "axis_deg": float(np.degrees(0.5 * np.arctan2(sine, cosine)))}
 
 
+@dataclass(frozen=True)
+class Ground:
+    """What is uncertain, about one unit: raw (m, channels, n) slopes in the channels' units, centre (m,) where the unit has them."""
+
+    unit: Unit
+    raw: np.ndarray
+    centre: np.ndarray
+
+
 class Closer:
     """What all closures of one recording have in common. pick: the system's channels among those of the bench."""
 
     def __init__(self, bench: Bench, system: System, responses: Responses, pick: list[int]):
         self.bench, self.system, self.responses, self.pick = bench, system, responses, pick
-        self._count_on(responses.values[list(responses.nuisances)][:, pick, :])
+        self.usual = Ground(bench.unit, responses.values[list(responses.nuisances)][:, pick, :], responses.centre)
+        self._stand_on(self.usual)
 
-    def _count_on(self, nuisance: np.ndarray) -> None:
-        """nuisance (m, channels, n), in the channels' units."""
-        self._raw, self.nuisance = nuisance, self.system.whiten(nuisance)
-        self._flat = self.nuisance.reshape(len(nuisance), -1)
-        self._factor = cho_factor(self._flat @ self._flat.T + np.eye(len(nuisance)))
+    def _stand_on(self, ground: Ground) -> None:
+        self.ground, self.nuisance = ground, self.system.whiten(ground.raw)
+        self._data = self.system.data + np.einsum("k,kcn->cn", ground.centre, self.nuisance)
+        self._flat = self.nuisance.reshape(len(self.nuisance), -1)
+        self._factor = cho_factor(self._flat @ self._flat.T + np.eye(len(self.nuisance)))
 
     def settle(self, closed: Closed) -> Closed:
-        """Closed again with what is uncertain about the device that has these effects, instead of about the nominal one."""
-        usual = self._raw
-        wanted = [self.responses.columns[c].name for c in self.responses.nuisances]
-        found = dict(uncertainties(self.bench, closed.settings))
-        self._count_on(np.array([found[name][self.pick] for name in wanted]))
+        """Closed again together with the unit: what the tolerances and the effects share goes to where their priors want it, and what is
+        uncertain is taken about the device that has these effects."""
+        best = closed
         try:
-            return self._search(closed.support, closed.variants, closed.unknowns, closed.values, closed.jacobian)
+            for _ in range(SETTLE_ROUNDS):
+                gram = best.products.pooled(np.ones(len(self.system.names)))
+                coefficients, _ = posterior_mean(gram, best.places)
+                unit = best.ground.unit.at(coefficients[: len(best.ground.unit.off)])
+                spread, middle = np.array([u.spread for u in best.unknowns]), np.array([u.middle for u in best.unknowns])
+                values = _within(best.unknowns, middle + coefficients[len(best.ground.centre):] * spread)
+                slopes = uncertainties(self.bench, settings_of(best.unknowns, values), unit)
+                centre = np.concatenate([unit.off, np.zeros(len(slopes) - len(unit.off))])
+                self._stand_on(Ground(unit, np.array([slope[self.pick] for _, slope in slopes]), centre))
+                found = self._search(best.support, best.variants, best.unknowns, values, best.jacobian)
+                gained = self.cost_of(best) - self.cost_of(found)
+                best = found if gained > 0.0 else best
+                if gained < ENOUGH:
+                    break
+        except BadInput:
+            pass
         finally:
-            self._count_on(usual)
+            self._stand_on(self.usual)
+        return best
 
     def close(self, start: Explained) -> Closed:
         unknowns, jacobian = _begin(self.bench, self.responses, self.pick, start)
@@ -134,7 +160,7 @@ class Closer:
 
     def _search(self, support: Support, variants: tuple[Variant, ...], unknowns: list[Unknown], values: np.ndarray, jacobian: np.ndarray) -> Closed:
         spread, middle = np.array([u.spread for u in unknowns]), np.array([u.middle for u in unknowns])
-        response = _respond(self.bench, self.pick, unknowns, values)
+        response = self._respond(unknowns, values)
         cost = self._cost(response, (values - middle) / spread)
         runs, stride, fresh = 1, 1.0, False
         found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
@@ -147,7 +173,7 @@ class Closer:
                     break
                 gained = 0.0
             else:
-                new = _respond(self.bench, self.pick, unknowns, trial)
+                new = self._respond(unknowns, trial)
                 runs += 1
                 new_cost = self._cost(new, (trial - middle) / spread)
                 jacobian = _broyden(jacobian, (trial - values) / spread, spread, new - response)
@@ -162,23 +188,27 @@ class Closer:
                 jacobian, fresh = self._differences(unknowns, values, response), True
                 runs += len(unknowns)
             found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
-        return Closed(support, variants, unknowns, values, jacobian, response, self._raw, found, runs)
+        return Closed(support, variants, unknowns, values, jacobian, response, self.ground, found, runs)
+
+    def _respond(self, unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
+        unit = self.ground.unit
+        return respond(self.bench, self.pick, unknowns, values, None if unit is self.bench.unit else unit.device)
 
     def _differences(self, unknowns: list[Unknown], values: np.ndarray, response: np.ndarray) -> np.ndarray:
         """The Jacobian (k, channels, n) at these values, by one run each."""
         rows = []
         for i, unknown in enumerate(unknowns):
-            step = SHAPE_STEP * (unknown.spread if unknown.role == "shape" else max(abs(values[i]), unknown.spread / REACH))
+            step = SHAPE_STEP * unknown.spread if unknown.role == "shape" else STRENGTH_STEP * max(abs(values[i]), unknown.spread / REACH)
             step = -step if values[i] + step > unknown.high and unknown.role in ("strength", "shape") else step
             moved = values.copy()
             moved[i] += step
-            rows.append((_respond(self.bench, self.pick, unknowns, moved) - response) / step)
+            rows.append((self._respond(unknowns, moved) - response) / step)
         return np.array(rows)
 
     def _linear(self, jacobian: np.ndarray, response: np.ndarray, at: np.ndarray) -> Products:
         """The system about the present values, its unknowns counted from their priors' middles, in spreads."""
         columns = self.system.whiten(jacobian)
-        data = self.system.data - self.system.whiten(response) + np.einsum("kcn,k->cn", columns, at)
+        data = self._data - self.system.whiten(response) + np.einsum("kcn,k->cn", columns, at)
         return products(self.system, np.concatenate([self.nuisance, columns]), data)
 
     def _solution(self, found: Products) -> tuple[np.ndarray, float]:
@@ -189,9 +219,19 @@ class Closer:
 
     def _cost(self, response: np.ndarray, at: np.ndarray) -> float:
         """Half the energy left, nuisances at their best, plus the prior's."""
-        left = (self.system.data - self.system.whiten(response)).ravel()
+        left = (self._data - self.system.whiten(response)).ravel()
         along = self._flat @ left
         return 0.5 * float(left @ left - along @ cho_solve(self._factor, along) + at @ at)
+
+
+def respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, truth: Device | None = None) -> np.ndarray:
+    """(channels, n); with smaller values where the twin refuses these."""
+    for _ in range(12):
+        try:
+            return (bench.run(settings_of(unknowns, values), truth=truth) - bench.nominal)[pick]
+        except BadInput:
+            values = 0.5 * values
+    raise BadInput("no run of the envelope twin with these effects is possible", "diagnosis", "check the device description")
 
 
 def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -205,15 +245,6 @@ def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change:
 
 def _within(unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
     return np.array([v if u.role in ("cosine", "sine") else min(max(v, u.low), u.high) for u, v in zip(unknowns, values, strict=True)])
-
-
-def _respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
-    for _ in range(12):
-        try:
-            return (bench.run(settings_of(unknowns, values)) - bench.nominal)[pick]
-        except BadInput:
-            values = 0.5 * values
-    raise BadInput("no run of the envelope twin with these effects is possible", "diagnosis", "check the device description")
 
 
 # --- where it begins -------------------------------------------------------------------------------------------------------
@@ -293,11 +324,11 @@ def _shape(effect: str, name: str, value: float) -> Unknown:
 def _shape_rows(bench: Bench, pick: list[int], strengths: list[Unknown], shapes: list[Unknown]) -> list[np.ndarray]:
     unknowns = [*strengths, *shapes]
     values = np.array([u.start for u in unknowns])
-    at = _respond(bench, pick, unknowns, values)
+    at = respond(bench, pick, unknowns, values)
     rows = []
     for i, shape in enumerate(shapes):
         step = SHAPE_STEP * shape.spread
         moved = values.copy()
         moved[len(strengths) + i] += step
-        rows.append((_respond(bench, pick, unknowns, moved) - at) / step)
+        rows.append((respond(bench, pick, unknowns, moved) - at) / step)
     return rows

@@ -51,15 +51,17 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
     """chosen: None leaves the gap as it is."""
     recorded, base = _channels(found, found.recorded), _channels(found, found.base)
     nuisance = found.responses.values[list(found.responses.nuisances)][:, found.pick, :]
-    before = recorded - base - _folded(found, found.table, list(range(len(nuisance))), nuisance, np.zeros(len(nuisance)))
+    centre = found.responses.centre
+    before = recorded - base - _folded(found, found.table, list(range(len(nuisance))), nuisance, centre)
     after, polished = before, None
     if chosen is not None:
         left = recorded - _with_effects(found, chosen, base)
         spread, middle = np.array([u.spread for u in chosen.unknowns]), np.array([u.middle for u in chosen.unknowns])
         fixed = (chosen.values - middle) / spread
-        columns = np.concatenate([chosen.nuisance, chosen.jacobian * spread[:, None, None]])
-        polished = _polish(found, columns, left, fixed)
-        after = left - _folded(found, polished, list(range(len(columns))), columns, np.concatenate([np.zeros(len(nuisance)), fixed]))
+        columns = np.concatenate([chosen.ground.raw, chosen.jacobian * spread[:, None, None]])
+        about = np.concatenate([chosen.ground.centre, fixed])
+        polished = _polish(found, columns, left, about)
+        after = left - _folded(found, polished, list(range(len(columns))), columns, about)
     use = found.system.weight > TRUSTED
     changes = [_change(found, i, before[i], after[i], use[i]) for i in range(len(found.names))]
     values, covariance = (np.zeros(0), np.zeros((0, 0))) if chosen is None or polished is None else _estimate(found, chosen, polished)
@@ -72,17 +74,17 @@ def _channels(found: TwinAnalysis, frames: Frames) -> np.ndarray:
 
 def _with_effects(found: TwinAnalysis, chosen: Closed, base: np.ndarray) -> np.ndarray:
     """(channels, n) of the full twin with the effects; the ideal thermometer as in the base."""
-    twin = _channels(found, full_twin(found.driven, found.grid, chosen.settings))
+    twin = _channels(found, full_twin(found.driven, found.grid, chosen.settings, chosen.ground.unit.device))
     if "temperature_measured" in found.names:
         place = found.names.index("temperature_measured")
         twin[place] = base[place] + chosen.response[place]
     return twin
 
 
-def _polish(found: TwinAnalysis, columns: np.ndarray, left: np.ndarray, fixed: np.ndarray) -> Products:
-    """The linear system about the full twin's run instead of the envelope's."""
+def _polish(found: TwinAnalysis, columns: np.ndarray, left: np.ndarray, about: np.ndarray) -> Products:
+    """The linear system about the full twin's run instead of the envelope's; it was run with coefficients `about`."""
     white = found.system.whiten(columns)
-    data = found.system.whiten(left) + np.einsum("kcn,k->cn", white[len(columns) - len(fixed):], fixed)
+    data = found.system.whiten(left) + np.einsum("kcn,k->cn", white, about)
     return products(found.system, white, data)
 
 

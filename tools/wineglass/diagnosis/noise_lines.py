@@ -81,7 +81,7 @@ def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, least: flo
     """Bins (n, length // 2) of each window that the best line, if there is one, stands on; a tone moves with the oscillator's frequency, which is in
     the tap `carrier`, and its own square falls on twice its distance."""
     bins = windows.frequency_hz
-    found = np.zeros((len(windows), len(bins)), bool)
+    found = own(windows, windows.tap if carrier is None else carrier)
     real = [line for line in lines.best.values() if line.log_evidence > least]
     if not real:
         return found
@@ -91,6 +91,25 @@ def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, least: flo
         place, wander = _distance_hz(line.frequency_hz, windows, windows.tap if carrier is None else carrier)
     width = 4.5 * windows.tap.sample_rate_hz / windows.length * max(1.0, line.ratio / 100.0) ** 0.25
     for times in (1.0, 2.0, 3.0) if line.ratio > 100.0 else (1.0,):
+        found |= np.abs(bins - _folded(times * place, windows.tap.sample_rate_hz)[:, None]) < (width + 0.5 * times * wander)[:, None]
+    return found
+
+
+OWN_MULTIPLES = (1.0, 2.0)
+OWN_WIDTH = 10.0
+"""bins to either side"""
+
+
+def own(windows: Windows, carrier: Tap) -> np.ndarray:
+    """Bins (n, length // 2) on which the device's own carrier and its double fall: its mixers leave a little of them, its converters' offsets, too,
+    wherever the resonance is not just what the decimator was made for."""
+    bins = windows.frequency_hz
+    found = np.zeros((len(windows), len(bins)), bool)
+    if len(windows) == 0 or "drive_frequency" not in carrier:
+        return found
+    place, wander = _distance_hz(0.0, windows, carrier)
+    width = OWN_WIDTH * windows.tap.sample_rate_hz / windows.length
+    for times in OWN_MULTIPLES:
         found |= np.abs(bins - _folded(times * place, windows.tap.sample_rate_hz)[:, None]) < (width + 0.5 * times * wander)[:, None]
     return found
 

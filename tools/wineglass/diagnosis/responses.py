@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wineglass import effects
-from wineglass.device import Device, Tolerance
+from wineglass.device import Device
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.drive import Driven
+from wineglass.diagnosis.unit import Unit
 from wineglass.effects import Setting
 from wineglass.envelope import CHANNELS as ENVELOPE_CHANNELS
 from wineglass.envelope import Envelope, Inputs
@@ -24,6 +25,7 @@ from wineglass.scenario import Run
 NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference")
 """Effects whose mean over a frame is nothing: diagnosis/noise_level.py looks for them."""
 STEP_S = 0.04  # of the envelope twin
+SLOPE_STEP = 0.02  # standard deviations
 REACH = 10.0  # prior of a strength: so many times its typical size
 OFFSET_S = 1e-3  # between the clocks of rate table and device
 SHELL_OFFSET_DEGC = 0.05  # of a bench's shell thermometer
@@ -59,25 +61,29 @@ class Responses:
     columns: tuple[Column, ...]
     values: np.ndarray
     nuisances: tuple[int, ...]
+    centre: np.ndarray
+    """(nuisances,): where the bench's unit has them, in standard deviations"""
     variants: dict[str, list[Variant]]
 
 
 class Bench:
-    """Runs the envelope twin over the recorded inputs, again and again."""
+    """Runs the envelope twin over the recorded inputs, again and again. unit: the device in truth."""
 
-    def __init__(self, driven: Driven, grid: Grid, names: Sequence[str]):
+    def __init__(self, driven: Driven, grid: Grid, names: Sequence[str], unit: Unit | None = None):
         self.driven, self.grid = driven, grid
+        self.unit = Unit.of(driven.run.device) if unit is None else unit
         self.names = tuple(name for name in names if name in ENVELOPE_CHANNELS)
         self._ticks = max(1, round(grid.frame_s * driven.run.device.slow_rate_hz))
         longest = STEP_S * driven.run.device.slow_rate_hz
         self._step = max(ticks for ticks in range(1, self._ticks + 1) if self._ticks % ticks == 0 and ticks <= max(1.0, longest + 1e-9))
         self._inputs: Inputs | None = None
+        self._truth = self.unit.device
         self.nominal = self.run()
 
     def run(self, settings: Sequence[Setting] = (), truth: Device | None = None, shell_offset_degc: float = 0.0) -> np.ndarray:
         """(channels, n) with effects switched on, or with another device in truth."""
         run = self.driven.run
-        changed = run if truth is None else Run(run.scenario, run.device, truth)
+        changed = Run(run.scenario, run.device, self._truth if truth is None else truth)
         with Envelope(changed, calibration_block=self.driven.calibration_block, frame_ticks=self._ticks, step_ticks=self._step, effects=settings) as envelope:
             if self._inputs is None:
                 self._inputs = envelope.inputs()
@@ -97,8 +103,6 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
     values: list[np.ndarray] = []
     variants: dict[str, list[Variant]] = {}
     for name, response in uncertainties(bench):
-        if not np.any(response != 0.0):
-            continue
         columns.append(Column("", None, name, 1.0))
         values.append(response)
     nuisances = tuple(range(len(columns)))
@@ -121,47 +125,30 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
         if found:
             variants[effect.id] = found
         advance()
-    return Responses(bench.names, bench.nominal, tuple(columns), np.array(values), nuisances, variants)
+    centre = np.concatenate([bench.unit.off, np.zeros(len(nuisances) - len(bench.unit.off))])
+    return Responses(bench.names, bench.nominal, tuple(columns), np.array(values), nuisances, centre, variants)
 
 
 # --- nuisances -----------------------------------------------------------------------------------------------------------
 
 
-def uncertainties(bench: Bench, settings: Sequence[Setting] = ()) -> list[tuple[str, np.ndarray]]:
-    """What one standard deviation of everything uncertain does, (channels, n) each, with the effects of `settings` switched on."""
-    device = bench.driven.run.device
-    at = bench.run(settings) if settings else bench.nominal
-    found = [(name, bench.run(settings, truth=changed) - at) for name, changed in _uncertain(device)]
+def uncertainties(bench: Bench, settings: Sequence[Setting] = (), unit: Unit | None = None) -> list[tuple[str, np.ndarray]]:
+    """What one standard deviation of everything uncertain does, (channels, n) each, with the effects of `settings` switched on, about a unit
+    (None: the bench's). Slopes, not differences: a tolerance and an effect that is the same thing must look the same."""
+    about = unit or bench.unit
+    at = bench.run(settings, truth=about.device) if settings or unit is not None else bench.nominal
+    found = []
+    for i, item in enumerate(about.uncertain):
+        try:
+            slope = (bench.run(settings, truth=about.nudged(i, SLOPE_STEP)) - at) / SLOPE_STEP
+        except BadInput:
+            slope = (at - bench.run(settings, truth=about.nudged(i, -SLOPE_STEP))) / SLOPE_STEP
+        found.append((item.name, slope))
     if bench.driven.shell_known:
         found.append(("shell reference", bench.run(settings, shell_offset_degc=SHELL_OFFSET_DEGC) - at))
     if bench.driven.rate_known:
         found.append(("clock of the rate table", np.gradient(at, bench.grid.frame_s, axis=1) * OFFSET_S))
     return found
-
-
-def _uncertain(device: Device) -> list[tuple[str, Device]]:
-    """Devices that are off by one standard deviation in one of the values called uncertain."""
-    changed = []
-    for path, tolerance in device.tolerance.items():
-        for name, value in _off_by_one(device, path, tolerance):
-            try:
-                changed.append((name, device.override({path: value})))
-            except BadInput:
-                continue
-    return changed
-
-
-def _off_by_one(device: Device, path: str, tolerance: Tolerance) -> list[tuple[str, object]]:
-    value: object = device
-    for part in path.split("."):
-        value = getattr(value, part)
-    if isinstance(value, list):
-        steps = tolerance.absolute if isinstance(tolerance.absolute, list) else [abs(v) * float(tolerance.relative or 0.0) for v in value]
-        padded = [*value, *[0.0] * (len(steps) - len(value))]
-        return [(f"{path}[{i}]", [v + (step if i == j else 0.0) for j, v in enumerate(padded)]) for i, step in enumerate(steps) if step]
-    assert isinstance(value, (int, float)) and not isinstance(tolerance.absolute, list)
-    step = tolerance.absolute if tolerance.absolute is not None else abs(value) * float(tolerance.relative or 0.0)
-    return [(path, value + step)] if step else []
 
 
 # --- effects -------------------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +35,8 @@ LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
 SWITCHING = 12  # frames after the loop was opened or closed
 HELD_OUT_SLACK = 2.0  # energy: of noise alone
-STRONG, SETTLED_SETS = 1e5, 4  # energy beyond which an effect changes what the uncertain values do; so many sets are then closed again
+STRONG, SETTLED_SETS = 1e4, 4  # energy beyond which an effect changes what the uncertain values do; so many sets are then closed again
+UNIT_ROUNDS, UNIT_STEP = 5, 0.01  # the unit is found when no value moves by more standard deviations
 BEND = 0.03  # of the rate's span: a second difference beyond that is a step
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
@@ -45,10 +46,10 @@ def driven_by(recording: Recording, described: Device | None = None) -> Driven:
     return drive.from_recording(recording, described)
 
 
-def full_twin(driven: Driven, grid: Grid, effects: Sequence[Setting] = ()) -> Frames:
-    """Frames of the full twin, firmware in the loop, over the recorded inputs, without the converters' noise."""
+def full_twin(driven: Driven, grid: Grid, effects: Sequence[Setting] = (), truth: Device | None = None) -> Frames:
+    """Frames of the full twin, firmware in the loop, over the recorded inputs, without the converters' noise. truth: None is the run's."""
     run = driven.run
-    quiet = Run(run.scenario, run.device, run.truth.override(QUIET))
+    quiet = Run(run.scenario, run.device, (truth or run.truth).override(QUIET))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "twin.h5"
         simulate(quiet, path, calibration_block=driven.calibration_block, effects=effects)
@@ -99,17 +100,19 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     bench = Bench(driven, grid, recorded.names)
     rebalancing = drive.loop_at(driven, grid.time_s)
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}))
+    pick = system.chosen(bench.names, floor)
+    setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid))
+    bench = _settled(bench, setting)
+    driven = replace(driven, run=Run(driven.run.scenario, driven.run.device, bench.unit.device))
     advance()
     base = _with_ideal_thermometer(full_twin(driven, grid), bench)
     advance()
     found = responses.respond(bench, without)
     advance()
-    pick = system.chosen(bench.names, floor)
-    names = tuple(bench.names[i] for i in pick)
-    built = system.build(_where_it_counts(recorded, rebalancing), base, _picked(floor, pick), names, edges_of(recording), jumps(driven, grid),
-                         regressors(driven, bench, base))
+    built = setting.system(bench, base)
     columns = built.whiten(found.values[:, pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
-    table = system.products(built, columns)
+    centred = built.data + np.einsum("k,kcn->cn", found.centre, columns[: len(found.nuisances)])
+    table = system.products(built, columns, centred)
     ranking = _ranked(table, found)
     advance()
     closer = Closer(bench, built, found, pick)
@@ -123,6 +126,48 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     held_none = explain.held_out(table, softening, list(found.nuisances))
     _hold_out(closed, held_none, softening)
     return TwinAnalysis(driven, grid, recorded, base, _picked(floor, pick), pick, bench, found, built, table, none, closed, softening, held_none)
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """What makes a system out of recorded and twin frames."""
+
+    recorded: Frames
+    floor: Floor
+    pick: list[int]
+    edges_s: list[float]
+    jumps: np.ndarray
+
+    def system(self, bench: Bench, base: Frames) -> System:
+        names = tuple(bench.names[i] for i in self.pick)
+        return system.build(self.recorded, base, self.floor, names, self.edges_s, self.jumps, regressors(bench.driven, bench, base))
+
+
+def _settled(bench: Bench, setting: _Setting) -> Bench:
+    """The bench with the unit that fits the recording best within its tolerances, found on the envelope twin."""
+    for _ in range(UNIT_ROUNDS):
+        own = Frames(bench.grid, bench.names, bench.nominal, np.ones_like(bench.nominal, bool))
+        built = setting.system(bench, own)
+        slopes = np.array([slope[setting.pick] for _, slope in responses.uncertainties(bench)])
+        centre = np.concatenate([bench.unit.off, np.zeros(len(slopes) - len(bench.unit.off))])
+        white = built.whiten(slopes)
+        table = system.products(built, white, built.data + np.einsum("k,kcn->cn", centre, white))
+        off = _within_tolerance(table, built, len(slopes))[: len(bench.unit.off)]
+        unit = bench.unit.at(off)
+        step = float(np.max(np.abs(unit.off - bench.unit.off), initial=0.0))
+        if step < UNIT_STEP:
+            return bench
+        bench = Bench(bench.driven, bench.grid, bench.names, unit)
+    return bench
+
+
+def _within_tolerance(table: system.Products, built: System, count: int) -> np.ndarray:
+    """Coefficients (count,) of what is uncertain; channels in which much more is left than noise count less."""
+    softening = np.ones(len(built.names))
+    for _ in range(4):
+        fitted = explain.explained(table, softening, count, [], (), 0.0)
+        softening = 1.0 + np.maximum(0.0, fitted.left - built.n_rows) / FREEDOM
+    return fitted.coefficients
 
 
 def _hold_out(closed: list[Closed], held_none: np.ndarray, softening: np.ndarray) -> None:
