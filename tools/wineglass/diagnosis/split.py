@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wineglass.diagnosis.blocks import Blocks
+from wineglass.diagnosis.blocks import STEADY_DEGC, Blocks
 
 LEAST_SHARE = 0.15
 LEAST_GROUP = 0.06  # of the record: a smaller group is no test
@@ -78,6 +78,8 @@ def _starts(blocks: Blocks) -> list[tuple[str, int]]:
         return sorted((p for p in places if BEYOND_FIT[0] <= p / n <= BEYOND_FIT[1]), key=lambda p: abs(p / n - WANTED_FIT))
 
     found = [("the last power-ups", p) for p in by_size(power_ups)]
+    if np.ptp(blocks.temperature_degc) < STEADY_DEGC:
+        return found + [("the last rate segments", p) for p in by_size(rate_boundaries(blocks))]
     if 1 < len(blocks.branches) <= 3:
         found.append(("everything after the temperature maximum", hottest))
     found += [("the last thermal branches", p) for p in by_size(turns)]
