@@ -31,5 +31,6 @@ def cold_start():
         0: send.ping(), 700: send.status() + send.output_filter("0.1"), 800: send.compensation("static"),
         900: send.compensation("none") + b"\x05nonsense\x00", 1000: send.compensation("g2") + send.raw_burst(300),
         1100: send.loop("rebalance"), 1200: send.test_signal(0.1, 0.05, 20.0, 5000.0) + send.divisors(1, 3),
-        1300: send.amplitude(0.5) + send.phase_set_point(0.2), 1400: send.amplitude(1.5), 1500: send.restart(),
+        1300: send.amplitude(0.5) + send.phase_set_point(0.2), 1350: send.drive(False), 1400: send.amplitude(1.5) + send.drive(True),
+        1500: send.restart(),
     })
