@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,9 +14,9 @@ if TYPE_CHECKING:
     from wineglass.device import Device
     from wineglass.diagnosis.contract import Diagnosis
     from wineglass.diagnosis.evidence import Evidence
+    from wineglass.report.view import View
 
 HELP = "say where a recording differs from the twin, which effect it is, how sure that is, and what to run next"
-NEEDS_BUILD = False
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,16 +33,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> int:
     from wineglass.atomic import write_text
-    from wineglass.diagnosis.rate_level import analyse
-    from wineglass.diagnosis.verdict import diagnose
 
     _check_targets(args)
     device = _device(args)
-    evidence = _evidence(args)
-    with console.progress("diagnosing", total=6) as bar:
-        found = analyse(evidence, bar.advance)
-        diagnosis = diagnose(evidence, found)
-        page = _page(args, evidence, found, diagnosis)
+    with console.progress("diagnosing", total=8) as bar:
+        diagnosis, view = _twin_level(args, bar.advance) or _rate_level(args, bar.advance)
+        page = _page(args, view)
         amended = "" if device is None else _amended(device, diagnosis)
         bar.advance()
     for target, text in ((args.json, diagnosis.to_json()), (args.report, page), (args.apply, amended)):
@@ -105,13 +102,34 @@ def _evidence(args: argparse.Namespace) -> Evidence:
     return from_recording(args.recording, args.device)
 
 
-def _page(args: argparse.Namespace, evidence: Evidence, found, diagnosis: Diagnosis) -> str:  # noqa: ANN001 - Analysis or None
+def _twin_level(args: argparse.Namespace, advance: Callable[[], None]) -> tuple[Diagnosis, View] | None:
+    """None where the recording does not allow it: then its rate is all there is to look at."""
+    if args.recording.suffix.lower() == ".csv" or args.column or args.unit or args.drop_rows:
+        return None
+    from wineglass.diagnosis import twin_engine
+    from wineglass.report.view import of_twin_level
+
+    examined = twin_engine.examine(args.recording, args.device, advance)
+    return None if examined is None else (examined.verdict.diagnosis, of_twin_level(examined))
+
+
+def _rate_level(args: argparse.Namespace, advance: Callable[[], None]) -> tuple[Diagnosis, View]:
+    from wineglass.diagnosis.rate_level import analyse
+    from wineglass.diagnosis.verdict import diagnose
+    from wineglass.report.view import of_rate_level
+
+    evidence = _evidence(args)
+    found = analyse(evidence, advance)
+    diagnosis = diagnose(evidence, found)
+    return diagnosis, of_rate_level(evidence, found, diagnosis)
+
+
+def _page(args: argparse.Namespace, view: View) -> str:
     if args.report is None:
         return ""
     from wineglass.report.page import render
-    from wineglass.report.view import of_rate_level
 
-    return render(of_rate_level(evidence, found, diagnosis))
+    return render(view)
 
 
 def _print(diagnosis: Diagnosis, args: argparse.Namespace, console: Console) -> None:
@@ -126,7 +144,7 @@ def _print(diagnosis: Diagnosis, args: argparse.Namespace, console: Console) -> 
     for effect in diagnosis.effects[:3]:
         numbers = ", ".join(f"{p.name} {p.value:.3g} [{p.interval[0]:.3g}, {p.interval[1]:.3g}] {p.unit}" for p in effect.parameters)
         console.print(f"  {effect.id} (confidence {effect.confidence:.2f}): {numbers}")
-    for channel in diagnosis.shrink.channels:
+    for channel in sorted(diagnosis.shrink.channels, key=lambda c: -c.before / max(c.floor, 1e-300))[:3]:
         line = f"{channel.channel}: {channel.before:.3g} -> {channel.after:.3g} {channel.unit}, floor {channel.floor:.3g}"
         console.print(line + ("" if channel.fraction is None else f": {channel.fraction:.0%} of the gap removed; {diagnosis.shrink.held_out}"))
     if diagnosis.next_experiment is not None:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from wineglass.diagnosis import own_line
 from wineglass.recording import Recording, Tap
 from wineglass.wire import Status
 
@@ -69,7 +70,10 @@ def read(recording: Recording, grid: Grid) -> Frames:
     for tap_name, names in (("baseband", BASEBAND), ("output", OUTPUT)):
         if tap_name in recording:
             tap = recording.tap(tap_name)
-            rows |= {name: _means(tap, tap[name], grid) for name in names if name in tap}
+            turns = own_line.phase(tap)
+            for name in (name for name in names if name in tap):
+                values = tap[name] if turns is None or name not in own_line.CHANNELS else own_line.removed(tap, tap[name], turns)
+                rows[name] = _means(tap, values, grid)
     sound = _sound(recording, grid)
     values = np.array([row[0] for row in rows.values()]).reshape(len(rows), grid.count)
     use = np.array([row[1] & sound for row in rows.values()]).reshape(len(rows), grid.count)

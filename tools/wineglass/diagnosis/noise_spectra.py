@@ -17,7 +17,7 @@ from scipy.special import logsumexp
 
 from wineglass.calibration_block import Calibration
 from wineglass.device import Device
-from wineglass.diagnosis import noise_windows
+from wineglass.diagnosis import noise_lines, noise_windows
 from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, RATE, SECONDARY, FloorModel, Pickoff, flicker, relaxations
 from wineglass.diagnosis.noise_windows import Windows
 from wineglass.recording.reader import Tap
@@ -113,7 +113,7 @@ def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: d
         for channel in (*PRIMARY, *axis):
             if channel in tap:
                 values = _filled(tap, channel) - slow.get(channel, 0.0)
-                taken = lines[chosen] if channel in axis else np.zeros_like(lines[chosen])
+                taken = lines[chosen] if channel in axis else noise_lines.own(group, tap)
                 found += _bands(group, channel, values, float(amplitude), model, taken)
     return found
 
