@@ -16,7 +16,7 @@ from wineglass.errors import WineglassError
 
 HEADER_BYTES = 12
 _SOURCE = "firmware/application/snapshot.c"
-_ENTRY = re.compile(r"offsetof\s*\(struct gyro_(cfg|state),\s*([\w.]+)\s*\)\s*,\s*([^,{}]+),\s*([^,{}]+)\}")
+_ENTRY = re.compile(r"offsetof\s*\(struct gyro_(cfg|state),\s*([\w.\[\]]+)\s*\)\s*,\s*([^,{}]+),\s*([^,{}]+)\}")
 
 
 @dataclass(frozen=True)
