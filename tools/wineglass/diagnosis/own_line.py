@@ -9,6 +9,7 @@ from wineglass.recording import Tap
 
 WINDOW_S = 4.0
 TOO_SLOW_HZ = 0.6  # folded so near to zero the line cannot be told from what moves slowly
+CLEAR = 0.3  # of what else moves in the window: below that it is no line, or something else moves too much to see it
 CHANNELS = ("primary_in_phase", "primary_quadrature", "drive_frequency", "drive_level")
 
 
@@ -46,4 +47,6 @@ def _line(values: np.ndarray, turns: np.ndarray, rate_hz: float) -> np.ndarray:
     slow = np.vander(np.linspace(-1.0, 1.0, len(values)), 3)
     design = np.column_stack([np.cos(angle), np.sin(angle), slow])
     fitted = np.linalg.lstsq(design[sound], values[sound], rcond=None)[0]
-    return design[:, :2] @ fitted[:2]
+    line = design[:, :2] @ fitted[:2]
+    left = values[sound] - design[sound] @ fitted
+    return line if np.sum(line[sound] ** 2) > CLEAR * np.sum(left**2) else np.zeros(len(values))
