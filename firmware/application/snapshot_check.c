@@ -23,7 +23,8 @@ struct bound {
 /* What is not in this table or in a function below may have any value: it is bounded before it is used, or counted modulo its range.
  * Each bound is that of the range proof at the place named. */
 static const struct bound bounds[] = {
-    WITHIN(decoupler_coefs.minus_gain_q48, 4, POWER(30)), WITHIN(gain_step_q48, 4, POWER(30)), WITHIN(decoupler_coefs.a1_low_q36, 4, POWER(5)), /* core/decoupler.h */
+    WITHIN(decoupler_coefs.minus_gain_q48, 4, POWER(30)), WITHIN(gain_step_q48, 4, POWER(30)),
+    WITHIN(decoupler_coefs.a1_q30, 4, POWER(31) - POWER(18)), WITHIN(decoupler_coefs.a1_low_q36, 4, POWER(5)), /* core/decoupler.h */
     BOUND(decoupler_coefs.minus_r2_q30, 4, -POWER(30), 0), WITHIN(decoupler_coefs.minus_r2_low_q36, 4, POWER(5)),
     WITHIN(decoupler.next_q61, 8, 3 * POWER(60) + POWER(50)), WITHIN(decoupler.after_q61, 8, POWER(60) + POWER(50)),
     BOUND(acquisition.phase, 4, ACQUISITION_CHIRP, ACQUISITION_DONE), BOUND(acquisition.attempt, 4, 0, 6), /* core/acquisition.c */

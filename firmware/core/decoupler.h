@@ -28,7 +28,7 @@
 
 struct decoupler_coefs {
     int32_t minus_gain_q48;   /* |gain| <= DECOUPLER_GAIN_MAX_Q48 */
-    int32_t a1_q30;           /* (1 + r^2) cos w, upper part; w between 0.02 and 3.1 rad */
+    int32_t a1_q30;           /* (1 + r^2) cos w, upper part; w between 0.02 and 3.1 rad, so |a1| < 2 - 2^-12 */
     int32_t a1_low_q36;       /* what rounding to Q30 left of a1, |.| <= 2^5 */
     int32_t minus_r2_q30;     /* -r^2, upper part; 1 - r^2 < 2^-6 */
     int32_t minus_r2_low_q36; /* the rest, |.| <= 2^5 */
@@ -75,7 +75,7 @@ int32_t decoupler_gain_q48(const struct decoupler_tuning *tuning, int32_t decay_
  * coefficient meets the upper bits only). Range:
  *   input:     2^30 2^31 >> 18 = 2^43
  *   y:         |next| < 1.51 2^61 and the input fit 2^62; clamped to 2^60 = 1/2
- *   fed back:  |errors| <= 2^29 in Q61, so below 3 2^29, plus half a unit: 2^31
+ *   fed back:  |errors| <= 2^29 in Q61, so 2^30 (1 - 2^-13) + 2^29, and half a unit, 2^29: below 2^31
  *   out, rest: |out| <= 2^30 + 2; rest = error - fed back, within 4 2^29 = 2^31
  *   low words: 2^31 2^31 >> 32 = 2^30 and 2^5 2^22 in Q59, times 4 below 2^33 in Q61
  *   next:      |after| + 2^31 2^30 + 2^33 < 0.51 2^61 + 1.0001 2^61

@@ -250,6 +250,7 @@ static void numbers_that_no_range_proof_allows_are_refused(void)
         {&state->decoupler.after_q61, INT64_C(1) << 61, true},
         {&state->decoupler_coefs.minus_gain_q48, INT32_MAX, false},
         {&state->decoupler_coefs.minus_r2_q30, 1, false},
+        {&state->decoupler_coefs.a1_q30, INT32_MIN, false},
         {&state->dac_mask, 0xFFFE, false},
         {&state->drive.drive_integral_q54, -1, true},
         {&state->rebalance.in_phase.integral_q54, INT64_MAX, true},
