@@ -241,6 +241,13 @@ def test_strength_scales_what_is_seen(folder, plain):
     assert snr[1] == pytest.approx(3.0 * snr[0], rel=0.1)
 
 
+def test_strengths_are_found_for_a_wanted_snr(plain):
+    case = cases.case("open", effects=(Applied("cross_damping", "constant", 600.0), Applied("ageing", "linear", 300.0)))
+    scaled, grade = generator.scaled_to(case, plain["open"][1], 40.0)
+    assert 25.0 < grade.snr < 60.0
+    assert scaled.effects[0].strength / scaled.effects[1].strength == pytest.approx(2.0) and scaled.scenario == case.scenario
+
+
 def test_the_oracle_sees_nothing_in_a_null(plain):
     case = cases.case("open")
     assert generator.oracle(case, plain["open"][1]).snr == 0.0
@@ -280,3 +287,9 @@ def test_a_wrong_clock_shifts_the_whole_day():
     late = np.interp(fast.time_s, right.time_s, right.shell_degc)
     np.testing.assert_allclose(fast.shell_degc, late, atol=1e-3)
     np.testing.assert_allclose(fast.frequency_hz, np.interp(fast.time_s, right.time_s, right.frequency_hz), rtol=2e-7)
+
+
+def test_a_day_that_does_not_fit_into_memory_is_refused():
+    case = generator.Case(cases.day(duration_s=20_000.0))
+    with pytest.raises(BadInput, match="memory"):
+        making.world_of(case, making.describe(case), {})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from wineglass import device as devices
@@ -46,6 +47,28 @@ def world_of(case: Case, described: Device, fields: dict[str, object]) -> World:
     world = World(described, unit.another(described, fields), case.scenario, case.draw, case.noise_factor)
     apply(world, case.effects)
     return world
+
+
+def scaled_to(case: Case, calibration: bytes, snr: float, *, rounds: int = 3, within: float = 1.25, folder: str | Path | None = None) -> tuple[Case, Grade]:
+    """The case with all its effects scaled by one factor so that the oracle's SNR is about `snr` (within a factor, or after `rounds` recordings), and
+    its grade. What acts by threshold or by count may stay off; the grade says so."""
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        plain, changed = Path(scratch) / "without.h5", Path(scratch) / "with.h5"
+        make(case.without_effects(), plain, calibration)
+        found = grade_of(case, calibration, plain, changed)
+        for _ in range(rounds - 1):
+            factor = min(max(snr / max(found.snr, 1e-3 * snr), 1e-4), 1e3)
+            if 1.0 / within < factor < within:
+                break
+            case = replace(case, effects=tuple(one.scaled(factor) for one in case.effects))
+            found = grade_of(case, calibration, plain, changed)
+        return case, found
+
+
+def grade_of(case: Case, calibration: bytes, plain: Path, scratch: Path) -> Grade:
+    """Against a recording of the same seed without effects; `scratch` is overwritten."""
+    make(case, scratch, calibration)
+    return grade(scratch, plain)
 
 
 def oracle(case: Case, calibration: bytes, folder: str | Path | None = None, recording: str | Path | None = None) -> Grade:

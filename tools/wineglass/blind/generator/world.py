@@ -18,6 +18,7 @@ from wineglass.errors import BadInput
 from wineglass.scenario import Scenario
 
 TONE_NAMES = "abc"
+LONGEST_BLOCKS = 4_000_000  # some 200 bytes each
 COARSE_S = 0.1  # grid of what is slow even for temperatures
 MOUNT_SHARE, RIM_SHARE = 3e-4, 1e-4  # of the shell's time constant: the mount before it, the rim behind the thermometer
 ELECTRONICS_LAG = 3.0  # of the shell's time constant: board and converters follow the chamber
@@ -91,6 +92,9 @@ class World:
     def __post_init__(self) -> None:
         self.block_s = self.described.block_samples / self.described.electronics.sample_rate_hz
         self.n_blocks = max(1, round(self.scenario.duration_s * self.described.slow_rate_hz))
+        if self.n_blocks > LONGEST_BLOCKS:
+            raise BadInput(f"{self.scenario.duration_s:g} s are more than the generator holds in memory", f"scenario {self.scenario.name}",
+                           f"stay below {LONGEST_BLOCKS * self.block_s:g} s: take a shorter day, or a device with a faster shell")
         self.sample_period_s: Slow = 1.0 / self.described.electronics.sample_rate_hz
         self.extra: dict[str, Slow] = {}
         """quantities of the plant by their own names, added to what the fields give"""
@@ -272,7 +276,7 @@ class World:
         turn = 2.0 * math.pi * self.frequency_hz
         return {
             "gain_1": self.pickoff_gain[0], "gain_2": self.pickoff_gain[1],
-            "lag_1": turn * self.pickoff_delay_s[0], "lag_2": turn * self.pickoff_delay_s[1],
+            **{f"lag_{i + 1}": turn * delay if np.any(delay) else 0.0 for i, delay in enumerate(self.pickoff_delay_s)},
             "offset_1": self.offset_fs[0], "offset_2": self.offset_fs[1], "noise_1": self.noise_fs[0], "noise_2": self.noise_fs[1],
         }
 

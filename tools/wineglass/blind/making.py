@@ -1,0 +1,68 @@
+"""An exam is made: every recording and its label, then the seal. An interrupted run goes on where it was."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from wineglass.atomic import write_bytes, write_text
+from wineglass.blind import generator, scheduling, sealing
+from wineglass.blind.draw import Wishes, draw
+from wineglass.blind.folders import Folders
+from wineglass.blind.scheduling import Spread
+from wineglass.blind.sheet import Sheet
+from wineglass.errors import BadInput
+
+PLAN = "plan.json"
+
+
+def make(wishes: Wishes, folders: Folders, spread: Spread, advance: Callable[[int], None] = lambda count: None) -> str:
+    """Returns the seal. advance(cases done since the last call)."""
+    sheets = draw(wishes)
+    for folder in (folders.recordings, folders.sealed):
+        folder.mkdir(parents=True, exist_ok=True)
+    _keep_plan(wishes, folders)
+    if (folders.recordings / sealing.MANIFEST).is_file():
+        advance(len(sheets))
+        return sealing.file_digest(folders.recordings / sealing.MANIFEST)
+    left = [sheet for sheet in sheets if not _is_done(sheet, folders)]
+    advance(len(sheets) - len(left))
+    tasks = [(sheet.name, lambda sheet=sheet: (sheet.label(),)) for sheet in left]
+    for name, (recording, label) in scheduling.results(made, tasks, spread):
+        write_bytes(folders.recording(name), recording)
+        write_text(folders.sealed / f"{name}.json", json.dumps({"salt": secrets.token_hex(16), "label": label}) + "\n")
+        advance(1)
+    envelopes = {sheet.name: json.loads((folders.sealed / f"{sheet.name}.json").read_text(encoding="utf-8")) for sheet in sheets}
+    return sealing.seal(folders.recordings, folders.sealed, envelopes)
+
+
+def made(label: dict[str, Any]) -> tuple[bytes, dict[str, Any]]:
+    """One case, in whatever process: the recording's bytes, and the label with what the oracle says of it."""
+    sheet = Sheet.model_validate(label)
+    case, block = sheet.case(), sheet.block()
+    with tempfile.TemporaryDirectory() as scratch:
+        path = Path(scratch) / "case.h5"
+        done = generator.make(case, path, block)
+        grade = generator.oracle(case, block, folder=scratch, recording=path).label() if sheet.effects else {"snr": 0.0, "channel": "", "channels": {}}
+        return path.read_bytes(), {"sheet": label, "grade": grade, "clipped_codes": done.clipped_codes, "unit": done.truth}
+
+
+def _is_done(sheet: Sheet, folders: Folders) -> bool:
+    """The label is written after the recording."""
+    return (folders.sealed / f"{sheet.name}.json").is_file() and folders.recording(sheet.name).is_file()
+
+
+def _keep_plan(wishes: Wishes, folders: Folders) -> None:
+    """A folder holds one set."""
+    path, wanted = folders.sealed / PLAN, json.loads(json.dumps(asdict(wishes)))
+    if not path.is_file():
+        if any(folders.recordings.iterdir()):
+            raise BadInput("holds recordings of another set", folders.recordings, "choose another folder")
+        write_text(path, json.dumps(wanted, indent=1) + "\n")
+    elif json.loads(path.read_text(encoding="utf-8")) != wanted:
+        raise BadInput("holds another set", folders.root, "give the same cases, seed and choices to go on with it, or choose another folder")
