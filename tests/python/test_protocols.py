@@ -283,7 +283,8 @@ def test_effects_from_words():
         assert again.id == effect.id and again.values == pytest.approx(setting.values, rel=1e-5)
 
 
-def test_the_printed_day_and_its_json(capsys):
+def test_the_printed_day_and_its_json(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "220")
     assert cli.main(["protocol", "full", "--device", "metal", "--start", "8:30", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
     assert said["duration_s"] == pytest.approx(12000.0) and said["unit_s"] == 60.0
