@@ -90,6 +90,7 @@ def _list(console: Console) -> int:
     shipped = [scenarios.load(name) for name in scenarios.names()]
     console.table("Scenarios", ["name", "device", "duration [s]", "description"],
                   [(item.name, item.device, f"{item.duration_s:g}", item.description) for item in shipped])
+    console.print("Bench protocols, for --protocol: ./wineglass protocol")
     console.json([{"name": item.name, "device": item.device, "duration_s": item.duration_s, "description": item.description}
                   for item in shipped])
     return 0
