@@ -190,7 +190,8 @@ def swung(curve, noise_fs=2.2e-5, count=14):
         x = amplitude * np.cos(2 * np.pi * (0.1 + 1e-6 * rng.standard_normal()) * n + number)
         codes = np.round(curve(x + noise_fs * rng.standard_normal(len(n))) * 32768).astype(np.int32)
         bursts.append(raw_codes._burst(_Codes({"primary_adc_raw": codes}), "primary_adc_raw", number))
-    evidence, values = {"adc_saturation": -2.0}, {}
+    evidence, values = {}, {}
+    raw_codes._clipping(bursts, evidence, values)
     raw_codes._curvature(bursts, evidence, values)
     return evidence, {name: value for name, value, *_ in values.get("adc_nonlinearity", [])}
 
@@ -204,7 +205,7 @@ def test_repeating_steps_of_a_converter_are_found_and_noise_is_not():
 
 def test_an_amplifier_that_gives_way_near_its_end_may_be_either():
     evidence, _ = swung(lambda x: np.where(np.abs(x) > 0.7, np.sign(x) * (0.7 + 0.25 * np.tanh((np.abs(x) - 0.7) / 0.25)), x))
-    assert evidence["adc_saturation"] > 100 and evidence["adc_nonlinearity"] - evidence["adc_saturation"] < 3
+    assert evidence["adc_saturation"] > max(100.0, evidence["adc_nonlinearity"] - 3.0)
 
 
 class _Codes:

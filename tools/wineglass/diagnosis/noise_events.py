@@ -21,6 +21,7 @@ APART_S, APART_SAMPLES = 0.05, 2.5
 TOLERANCE = 0.17
 """relative, of the turns: the frequency is sampled once per slow tick while the phase loop answers within a few of them"""
 AFTER_START_S, AFTER_COMMAND_S = 1.5, 1.5
+LONGEST_S, LONGEST_SAMPLES = 0.12, 6
 LEAST_TURNS = 0.02
 """a corner of the chamber's profile bends the frequency, too, but by less"""
 LARGEST_COUNT = 4
@@ -77,7 +78,8 @@ def find(recording: Recording) -> Events | None:
     large = np.flatnonzero(usable & (np.abs(rest) > THRESHOLD * sigma))
     groups = np.split(large, np.flatnonzero(np.diff(large) > max(APART_S * tap.sample_rate_hz, APART_SAMPLES)) + 1) if len(large) else []
     per_sample = float(np.median(filled[usable])) / tap.counter_rate_hz
-    found = [_event(tap.time_s, rest, group, tap.sample_rate_hz, per_sample) for group in groups]
+    found = [_event(tap.time_s, rest, group, tap.sample_rate_hz, per_sample) for group in groups
+             if len(group) <= max(LONGEST_S * tap.sample_rate_hz, LONGEST_SAMPLES)]
     found = [event for event in found if abs(event.turns) >= LEAST_TURNS]
     return Events(found, np.count_nonzero(usable) / tap.sample_rate_hz, tap.counter_rate_hz)
 

@@ -142,7 +142,7 @@ class _Seen:
 
     def baseband(self) -> tuple[list[Band], Lines]:
         tap = self._recording.tap("baseband")
-        windows = self._quiet(tap, noise_windows.LENGTH_S)
+        windows = self._quiet(tap, noise_windows.LENGTH_S, noise_windows.ORDER)
         model = FloorModel(self._device, self._calibration, tap.sample_rate_hz, windows.frequency_hz, self._calibration.loop)
         lines = noise_lines.find(windows, self._calibration, model)
         return noise_spectra.bands_of(windows, self._device, self._calibration, self._slow, noise_lines.taken(lines, windows)), lines
@@ -158,14 +158,14 @@ class _Seen:
         """Bands of the rate output, none where it is not recorded. lines: found in the baseband."""
         if "output" not in self._recording or "rate" not in self._recording.tap("output"):
             return []
-        windows = self._quiet(self._recording.tap("output"), length_s)
+        windows = self._quiet(self._recording.tap("output"), length_s, noise_spectra.LOW_ORDER)
         taken = np.zeros((len(windows), windows.length // 2), bool)
         if lines is not None:
             taken = noise_lines.taken(lines, windows, self._recording.taps.get("baseband"))
         return noise_spectra.rate_bands(windows, self._device, self._calibration, self._slow, taken, to_hz)
 
-    def _quiet(self, tap: Tap, length_s: float) -> noise_windows.Windows:
-        windows = noise_windows.quiet(self._recording, tap, self._calibration, length_s, self._skip_s)
+    def _quiet(self, tap: Tap, length_s: float, order: int = noise_windows.ORDER) -> noise_windows.Windows:
+        windows = noise_windows.quiet(self._recording, tap, self._calibration, length_s, self._skip_s, order)
         if self._steps is not None and self._steps.coarse and len(windows):
             windows = windows.only(_still(self._recording, windows, self._steps.step_degc))
         self.windows = max(self.windows, len(windows))

@@ -20,7 +20,7 @@ from wineglass.diagnosis.noise_windows import TAPERS, Windows
 from wineglass.recording.reader import Tap
 
 LEAST_BIN, FIRST_SOUND_BIN = 8, 3
-"""counted from zero frequency: below, what moves slowly leaves no level to compare with; the parabola takes the first bins' power"""
+"""counted from zero frequency: below, what moves slowly leaves no level to compare with; the polynomial takes the first bins' power"""
 REACH_BINS = 10
 OCCAM = 3.0
 """nats for a line's size and its place within a bin"""
@@ -56,8 +56,9 @@ def find(windows: Windows, calibration: Calibration, model: FloorModel) -> Lines
     """Lines in the quiet windows of the baseband."""
     tap = windows.tap
     axis = FORCES if calibration.loop == "rebalance" else SECONDARY
+    windows = windows.only(~noise_windows.has_image(windows, calibration))
     if len(windows) < noise_windows.LEAST_WINDOWS or not all(name in tap for name in (*axis, "drive_frequency")):
-        return Lines({}, len(windows), ["too little quiet baseband to look for lines"])
+        return Lines({}, len(windows), ["too little quiet baseband near the nominal frequency to look for lines"])
     sign = -1.0 if axis is FORCES else 1.0  # the force in phase works against the amplitude in phase, that in quadrature along it
     z = sign * _filled(tap, axis[0]) + 1j * _filled(tap, axis[1])
     rotary, still = windows.transforms(z), windows.transforms(z, np.exp(1j * _carrier_phase(tap)))
@@ -81,7 +82,7 @@ def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, least: flo
     """Bins (n, length // 2) of each window that the best line, if there is one, stands on; a tone moves with the oscillator's frequency, which is in
     the tap `carrier`, and its own square falls on twice its distance."""
     bins = windows.frequency_hz
-    found = own(windows, windows.tap if carrier is None else carrier)
+    found = np.zeros((len(windows), len(bins)), bool)
     real = [line for line in lines.best.values() if line.log_evidence > least]
     if not real:
         return found
@@ -89,27 +90,9 @@ def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, least: flo
     place, wander = np.full(len(windows), line.frequency_hz), np.zeros(len(windows))
     if line.kind == "interference":
         place, wander = _distance_hz(line.frequency_hz, windows, windows.tap if carrier is None else carrier)
-    width = 4.5 * windows.tap.sample_rate_hz / windows.length * max(1.0, line.ratio / 100.0) ** 0.25
+    reach = max(4.5, 1.3 * (line.ratio / 0.03) ** 0.25)  # the tapers' sides fall with the fourth power
+    width = reach * windows.tap.sample_rate_hz / windows.length
     for times in (1.0, 2.0, 3.0) if line.ratio > 100.0 else (1.0,):
-        found |= np.abs(bins - _folded(times * place, windows.tap.sample_rate_hz)[:, None]) < (width + 0.5 * times * wander)[:, None]
-    return found
-
-
-OWN_MULTIPLES = (1.0, 2.0)
-OWN_WIDTH = 10.0
-"""bins to either side"""
-
-
-def own(windows: Windows, carrier: Tap) -> np.ndarray:
-    """Bins (n, length // 2) on which the device's own carrier and its double fall: its mixers leave a little of them, its converters' offsets, too,
-    wherever the resonance is not just what the decimator was made for."""
-    bins = windows.frequency_hz
-    found = np.zeros((len(windows), len(bins)), bool)
-    if len(windows) == 0 or "drive_frequency" not in carrier:
-        return found
-    place, wander = _distance_hz(0.0, windows, carrier)
-    width = OWN_WIDTH * windows.tap.sample_rate_hz / windows.length
-    for times in OWN_MULTIPLES:
         found |= np.abs(bins - _folded(times * place, windows.tap.sample_rate_hz)[:, None]) < (width + 0.5 * times * wander)[:, None]
     return found
 

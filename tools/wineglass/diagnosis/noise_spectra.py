@@ -9,7 +9,7 @@ of band powers (Whittle); strengths and the floor's tolerance are integrated ove
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -17,14 +17,14 @@ from scipy.special import logsumexp
 
 from wineglass.calibration_block import Calibration
 from wineglass.device import Device
-from wineglass.diagnosis import noise_lines, noise_windows
+from wineglass.diagnosis import noise_windows
 from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, RATE, SECONDARY, FloorModel, Pickoff, flicker, relaxations
 from wineglass.diagnosis.noise_windows import Windows
 from wineglass.recording.reader import Tap
 
 BANDS = 13
-FIRST_BIN, LAST_PART = 2.5, 0.49
-LOW_LENGTH_S, LOW_TO_HZ = 10.24, 1.3
+FIRST_BIN, LAST_PART = 3.5, 0.49
+LOW_LENGTH_S, LOW_TO_HZ, LOW_ORDER = 10.24, 1.3, 5
 """of the rate's own windows, which reach down further: bias that wanders is slow, and the output filter keeps fast noise from folding there"""
 SHAPE_PER_BIN = 0.8
 """gamma shape of one bin's power, tapers' overlap included; held against white noise by a test"""
@@ -32,6 +32,8 @@ MODEL_ERROR, MODEL_ERROR_AT_1_HZ = 0.05, 0.1
 """relative, of a band: what the closed forms may be off, beyond the stated tolerance, and what slow content may have left, falling with f"""
 LEAST_SENSITIVITY = 0.08
 """where a loop leaves less of the noise's power, slow content counts for more than noise"""
+SLOW_TO_HZ, SMOOTH_SHARE = 3.0, 1.3
+"""a low band whose power depends on how much of a polynomial was taken out holds slow content and no noise"""
 LINE_RATIO = 4.0
 NODES, FINE_NODES = 24, 400
 """of a strength: for evidence, and for its interval"""
@@ -105,6 +107,7 @@ def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: d
     axis = FORCES if loop == "rebalance" else SECONDARY
     amplitudes = np.where(np.isfinite(windows.amplitude_fs), windows.amplitude_fs, calibration.amplitude_set_point_fs)
     model = FloorModel(device, calibration, tap.sample_rate_hz, windows.frequency_hz, loop)
+    images = noise_windows.image_bins(windows, calibration)
     for amplitude in np.unique(np.round(amplitudes, 3)):
         chosen = np.abs(amplitudes - amplitude) < 6e-4
         group = windows.only(chosen)
@@ -113,7 +116,7 @@ def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: d
         for channel in (*PRIMARY, *axis):
             if channel in tap:
                 values = _filled(tap, channel) - slow.get(channel, 0.0)
-                taken = lines[chosen] if channel in axis else noise_lines.own(group, tap)
+                taken = images[chosen] | (lines[chosen] if channel in axis else False)
                 found += _bands(group, channel, values, float(amplitude), model, taken)
     return found
 
@@ -148,6 +151,7 @@ def _bands(group: Windows, channel: str, values: np.ndarray, amplitude: float, m
     white = group.leaked(white)
     keep = _without_lines(densities, white) & (white > LEAST_SENSITIVITY * white.max() * (channel in PRIMARY))
     bins = np.arange(1, len(white) + 1)
+    smoother = replace(group, order=group.order + 2).densities(values)
     found = []
     for low, high in zip(*_edges(group.length)):
         chosen = (bins > low) & (bins < high) & keep
@@ -158,12 +162,19 @@ def _bands(group: Windows, channel: str, values: np.ndarray, amplitude: float, m
         whole = relative[~np.any(np.isnan(relative), axis=1)]
         if len(whole) < noise_windows.LEAST_WINDOWS:
             continue
-        power = float(noise_windows.trimmed(whole.mean(axis=1)[:, None], shape)[0])
+        power = _power(whole, shape)
         f = group.frequency_hz[chosen]
+        if f[-1] < SLOW_TO_HZ and power > SMOOTH_SHARE * _power(smoother[:, chosen] / white[chosen], shape):
+            continue
         total = 1.0 / (1.0 / (0.8 * shape * len(whole)) + MODEL_ERROR**2 + (MODEL_ERROR_AT_1_HZ / float(f.mean())) ** 2)
         inside = {name: float(np.mean(answer[chosen] / white[chosen])) for name, answer in answers.items()}
         found.append(Band(channel, float(f[0]), float(f[-1]), amplitude, power, total, pickoff.noise, pickoff.steps, inside))
     return found
+
+
+def _power(relative: np.ndarray, shape: float) -> float:
+    """Of windows' densities (n, bins) over the model's."""
+    return float(noise_windows.trimmed(relative.mean(axis=1)[:, None], shape)[0])
 
 
 def _edges(length: int) -> tuple[np.ndarray, np.ndarray]:

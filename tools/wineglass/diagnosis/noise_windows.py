@@ -1,11 +1,12 @@
 """Stretches of telemetry in which only noise should move, and their spectra.
 
 A window counts when the drive was locked, nothing was commanded and the table stood still, in it and for a while before. What moves slowly is taken
-out as a parabola; a quarter of the windows, those with the most power, is left out of each mean, so that what was missed does not count."""
+out as a polynomial; a quarter of the windows, those with the most power, is left out of each mean, so that what was missed does not count."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.special import gammainc, gammaincinv
@@ -15,11 +16,12 @@ from wineglass.diagnosis.recorded_modes import foreign_spans, settling_s
 from wineglass.recording.reader import Recording, Tap
 from wineglass.wire import Status
 
-LENGTH_S = 5.12
+LENGTH_S, ORDER = 5.12, 4
 LENGTHS = 64, 4096
 TAPERS = 2
 KEPT = 0.75
 LEAST_WINDOWS = 4
+IMAGE_FROM_HZ = 6.0
 _BAD = int(Status.TEST_ACTIVE | Status.OVERFLOW | Status.REBALANCE_SATURATED | Status.ACQUIRING | Status.DRIVE_SATURATED)
 
 
@@ -31,6 +33,8 @@ class Windows:
     first: np.ndarray
     amplitude_fs: np.ndarray
     length: int
+    order: int = ORDER
+    """of the polynomial that is taken out of each"""
 
     def __len__(self) -> int:
         return len(self.first)
@@ -46,9 +50,9 @@ class Windows:
         return np.asarray(self.tap.time_s[self.first] + 0.5 * self.length / self.tap.sample_rate_hz)
 
     def of(self, values: np.ndarray) -> np.ndarray:
-        """The windows of a channel, each less its parabola, (n, length); real or complex."""
+        """The windows of a channel, each less its polynomial, (n, length); real or complex."""
         cut = values[self.first[:, None] + np.arange(self.length)]
-        return cut - cut @ _parabolas(self.length)
+        return cut - cut @ _polynomials(self.length, self.order)
 
     def transforms(self, values: np.ndarray, turn: np.ndarray | None = None) -> np.ndarray:
         """Tapered Fourier transforms (n, TAPERS, length), scaled so that |.|^2 is a two-sided density. turn: factor for every sample of the tap, applied
@@ -78,10 +82,11 @@ class Windows:
         return np.asarray(spread[4:fine // 2 + 1:4])
 
     def only(self, chosen: np.ndarray) -> Windows:
-        return Windows(self.tap, self.first[chosen], self.amplitude_fs[chosen], self.length)
+        return replace(self, first=self.first[chosen], amplitude_fs=self.amplitude_fs[chosen])
 
 
-def quiet(recording: Recording, tap: Tap, calibration: Calibration | None, length_s: float = LENGTH_S, skip_s: np.ndarray | None = None) -> Windows:
+def quiet(recording: Recording, tap: Tap, calibration: Calibration | None, length_s: float = LENGTH_S, skip_s: np.ndarray | None = None,
+          order: int = ORDER) -> Windows:
     """Windows of a tap in which only noise should move. skip_s: instants of single events, which no window may hold, (k,)"""
     length = int(np.clip(2 ** round(np.log2(length_s * tap.sample_rate_hz)), *LENGTHS))
     usable = _usable(recording, tap, calibration)
@@ -97,7 +102,33 @@ def quiet(recording: Recording, tap: Tap, calibration: Calibration | None, lengt
         else:
             at += int(np.flatnonzero(~usable[at:at + length])[-1]) + 1
     starts = np.array(first, dtype=np.int64)
-    return Windows(tap, starts, _amplitudes(recording, tap, starts), length)
+    return Windows(tap, starts, _amplitudes(recording, tap, starts), length, order)
+
+
+def has_image(windows: Windows, calibration: Calibration) -> np.ndarray:
+    """Windows (n,) bool in which the image of the doubled carrier may stand beside zero: the decimator's null is as far off as the carrier is from a
+    multiple of half the loop rate."""
+    return np.asarray(np.max(np.abs(_image_hz(windows, calibration)), axis=1, initial=0.0) > IMAGE_FROM_HZ)
+
+
+def image_bins(windows: Windows, calibration: Calibration) -> np.ndarray:
+    """Bins (n, length // 2) of each window on which that image stands, folded at the telemetry's rate."""
+    found = np.zeros((len(windows), windows.length // 2), bool)
+    rate = windows.tap.sample_rate_hz
+    away = _image_hz(windows, calibration)
+    folded = np.abs(away / rate - np.round(away / rate)) * rate
+    for number in np.flatnonzero(has_image(windows, calibration)):
+        places = np.unique(np.round(folded[number] * windows.length / rate).astype(int))
+        found[number, np.clip(places[:, None] + np.arange(-2, 3), 1, found.shape[1]) - 1] = True
+    return found
+
+
+def _image_hz(windows: Windows, calibration: Calibration) -> np.ndarray:
+    """Frequency of that image at each sample of each window, (n, length)."""
+    if len(windows) == 0 or "drive_frequency" not in windows.tap:
+        return np.zeros((len(windows), windows.length))
+    drive = 2.0 * windows.tap["drive_frequency"][windows.first[:, None] + np.arange(windows.length)]
+    return np.asarray(drive - np.round(drive / calibration.loop_rate_hz) * calibration.loop_rate_hz)
 
 
 def trimmed(power: np.ndarray, shape: float) -> np.ndarray:
@@ -157,9 +188,10 @@ def _amplitudes(recording: Recording, tap: Tap, starts: np.ndarray) -> np.ndarra
     return np.asarray(base["amplitude_set_point"][at])
 
 
-def _parabolas(length: int) -> np.ndarray:
-    """Projection (length, length) onto parabolas."""
-    basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, length), 2)
+@cache
+def _polynomials(length: int, order: int) -> np.ndarray:
+    """Projection (length, length) onto polynomials."""
+    basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, length), order)
     orthonormal, _ = np.linalg.qr(basis)
     return orthonormal @ orthonormal.T
 

@@ -13,8 +13,6 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.signal import lfilter
-
 from wineglass.calibration_block import Calibration, from_binary, from_json
 from wineglass.diagnosis import recorded_modes
 from wineglass.errors import BadInput
@@ -165,21 +163,27 @@ class _Comparison:
         if self._calibration.compensation == "none":
             raise _Missing("no compensation is on: the bias cannot be checked")
         bias = self._polynomial(self._calibration.bias_rad_s, self._output.time_s)
+        start = np.zeros_like(bias)
         if self._decoupling:
-            bias = self._behind_pole(bias)
+            bias, start = self._behind_pole(bias)
         removed = self._output["rate_uncompensated"] - self._output["rate"]
-        expected, measured = pieces.of(self._output, bias, self._filter_s), pieces.of(self._output, removed)
-        usable = np.isfinite(expected + measured)
-        if self._decoupling:  # from rest: the pole's memory of the start
-            usable &= pieces.times_s > pieces.times_s[0] + 12.0 / float(self._calibration.decay_rate_per_s[0])
-        error, sigma = _fit(measured[usable], expected[usable][None], np.array([1.0]))
+        columns = np.stack([pieces.of(self._output, values, self._filter_s) for values in (bias, start)])
+        measured = pieces.of(self._output, removed)
+        if not np.any(np.nan_to_num(columns[1]) > 1e-6):
+            columns = columns[:1]
+        error, sigma = _fit(measured, columns, np.eye(len(columns))[0])
         return [Deviation("bias", error[0], math.hypot(sigma[0], TOLERANCE["bias"]))]
 
-    def _behind_pole(self, values: np.ndarray) -> np.ndarray:
-        """What the decoupler takes away: the bias behind the secondary's decay."""
-        decay = float(np.median(self._polynomial(self._calibration.decay_rate_per_s, self._output.time_s)))
-        kept = math.exp(-decay / self._output.sample_rate_hz)
-        return np.asarray(lfilter([1.0 - kept], [1.0, -kept], values - values[0])) + values[0]
+    def _behind_pole(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the decoupler takes away, the bias behind the secondary's decay, from zero; and what remains of a start elsewhere, from one; (n,) each."""
+        decay = self._polynomial(self._calibration.decay_rate_per_s, self._output.time_s)
+        kept = np.exp(-decay / self._output.sample_rate_hz)
+        filled = np.nan_to_num(values)
+        behind, state = np.empty_like(filled), 0.0
+        for at, (share, value) in enumerate(zip(kept.tolist(), filled.tolist(), strict=True)):
+            state = share * state + (1.0 - share) * value
+            behind[at] = state
+        return behind, np.cumprod(kept)
 
 
 class _Pieces:

@@ -189,7 +189,7 @@ def _clipping(bursts: list[Burst], evidence: dict[str, float], values: dict[str,
     cut = [burst for burst in bursts if burst.clipped]
     levels = np.array([burst.level for burst in cut])
     evidence["adc_saturation"] = -2.0
-    if cut and np.ptp(levels) < 0.02:
+    if cut and np.ptp(levels) < 0.05:
         evidence["adc_saturation"] = min(300.0, 0.2 * sum(burst.clipped for burst in cut))
         values["adc_saturation"] = [("loss_fs", 1.0 - float(levels.mean()), max(2e-4, float(np.std(levels))), "FS")]
 
@@ -210,8 +210,11 @@ def _curvature(bursts: list[Burst], evidence: dict[str, float], values: dict[str
         values["adc_nonlinearity"] = _curve(chosen, sigma)
         if _only_at_the_top(chosen):
             evidence["adc_saturation"] = max(evidence["adc_saturation"], evidence["adc_nonlinearity"] - 2.0)
+    clipped = any(burst.clipped for burst in bursts)
+    if clipped:  # some bursts are flat at the top, others only bend there
+        evidence["adc_saturation"] = max(evidence["adc_saturation"], evidence["adc_nonlinearity"])
     ripple = _ripple(chosen)
-    if ripple.log_evidence > max(SURE, evidence["adc_nonlinearity"]) and evidence["adc_saturation"] < SURE:
+    if not clipped and ripple.log_evidence > max(SURE, evidence["adc_nonlinearity"]):
         evidence["adc_nonlinearity"] = ripple.log_evidence
         values["adc_nonlinearity"] = [("ripple_fs", ripple.amplitude, 0.1 * ripple.amplitude, "FS"), ("ripple_period_fs", ripple.period, 0.01 * ripple.period, "FS")]
         return ripple.variance
