@@ -59,9 +59,10 @@ def draw(wishes: Wishes) -> list[Sheet]:
 def apportioned(total: int, shares: dict[str, int]) -> list[str]:
     """`total` names in proportion to their shares, each at least once if there is room, largest remainders first."""
     names, weight = list(shares), sum(shares.values())
-    exact = {name: total * shares[name] / weight for name in names}
-    counts = {name: int(exact[name]) for name in names}
-    for name in sorted(names, key=lambda one: (counts[one] > 0, counts[one] - exact[one]))[: total - sum(counts.values())]:
+    least = 1 if total >= len(names) else 0
+    exact = {name: (total - least * len(names)) * shares[name] / weight for name in names}
+    counts = {name: least + int(exact[name]) for name in names}
+    for name in sorted(names, key=lambda one: int(exact[one]) - exact[one])[: total - sum(counts.values())]:
         counts[name] += 1
     return [name for name in names for _ in range(counts[name])]
 

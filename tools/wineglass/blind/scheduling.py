@@ -62,7 +62,8 @@ def _flow(client: Any, function: Callable[..., Any], tasks: Sequence[tuple[str, 
 def _client(spread: Spread) -> Iterator[Any]:
     """A connected client; a cluster of one's own ends with it."""
     dask, distributed = need("dask"), need("distributed")
-    dask.config.set({"distributed.scheduler.allowed-failures": ATTEMPTS, "distributed.comm.timeouts.connect": f"{CONNECT_S}s"})
+    dask.config.set({"distributed.scheduler.allowed-failures": ATTEMPTS, "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
+                     "logging.distributed": "error"})
     if spread.scheduler:
         try:
             client = distributed.Client(spread.scheduler, timeout=CONNECT_S)

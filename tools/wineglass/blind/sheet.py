@@ -8,10 +8,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from wineglass import protocols
 from wineglass.blind import profiles, setting
+from wineglass.blind.choices import NULLS, TIERS
 from wineglass.blind.generator import Applied, Case
 
-TIERS = ("null", "null_unit", "null_profile", "null_lossy", "null_noisy", "single", "pair", "triple", "outside", "known_and_unknown", "unidentifiable")
-NULLS = TIERS[:5]
+__all__ = ["NULLS", "TIERS", "Effect", "Sheet"]
+
 Tier = Literal[TIERS]
 
 

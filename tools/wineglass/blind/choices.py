@@ -1,0 +1,5 @@
+"""Names that the command line offers, without loading what they stand for."""
+
+TIERS = ("null", "null_unit", "null_profile", "null_lossy", "null_noisy", "single", "pair", "triple", "outside", "known_and_unknown", "unidentifiable")
+NULLS = TIERS[:5]
+PROTOCOLS = ("full", "operating", "table", "thermal")

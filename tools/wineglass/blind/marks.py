@@ -1,0 +1,114 @@
+"""One answer held against its opened label."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from wineglass.blind import equivalents, generator
+from wineglass.blind.sheet import NULLS, Sheet
+from wineglass.blind.statistics import brier
+
+NONE, OTHER = frozenset({"none"}), frozenset({"other"})
+NO_CLAIM = ("no_gap", "insufficient")
+
+
+@dataclass(frozen=True)
+class Mark:
+    """truth: ids, `none` of a null, `other` for what is not in the catalogue
+    claims: explanations that the answer holds possible; empty where it claims nothing
+    in_set: the truth is among the claims; unique_wrong: one claim alone, and it is not the truth
+    right: the likeliest hypothesis is the truth (or, where nobody can tell twins apart, one of them)
+    covered: per parameter that truth and diagnosis both have, whether the 95 % interval holds the truth"""
+
+    case: str
+    sheet: Sheet
+    snr: float
+    channel: str
+    truth: frozenset[str]
+    verdict: str
+    claims: tuple[frozenset[str], ...]
+    in_set: bool
+    unique_wrong: bool
+    flagged: bool
+    place: str
+    place_right: bool
+    confidence: float
+    right: bool
+    brier: float
+    removed: float | None
+    residual: float | None
+    covered: tuple[tuple[str, bool], ...]
+    best: frozenset[str]
+    sentence: str
+    error: str
+    cpu_s: float
+    gap_statistic: float | None
+
+    @property
+    def null(self) -> bool:
+        return self.sheet.tier in NULLS
+
+    @property
+    def gap(self) -> bool:
+        """Was a gap claimed?"""
+        return self.verdict not in (*NO_CLAIM, "error")
+
+    @property
+    def in_catalogue(self) -> bool:
+        return not self.null and "other" not in self.truth
+
+
+def mark(label: dict[str, Any], answer: dict[str, Any]) -> Mark:
+    sheet = Sheet.model_validate(label["sheet"])
+    truth = truth_of(sheet)
+    found = answer.get("diagnosis")
+    common = {"case": sheet.name, "sheet": sheet, "snr": label["grade"]["snr"], "channel": label["grade"]["channel"], "truth": truth,
+              "error": answer.get("error", ""), "cpu_s": answer.get("cpu_s", 0.0), "gap_statistic": answer.get("gap_statistic")}
+    if found is None:
+        return Mark(**common, verdict="error", claims=(), in_set=False, unique_wrong=False, flagged=False, place="", place_right=False, confidence=0.0,
+                    right=False, brier=1.0, removed=None, residual=None, covered=(), best=frozenset(), sentence="")
+    probabilities = {frozenset(one["ids"]): one["probability"] for one in found["hypotheses"]}
+    best, claims, accepted = max(probabilities, key=probabilities.__getitem__), claims_of(found), truths_of(sheet)
+    place = max(found["where"], key=lambda one: one["share"])["stage"] if found["where"] else ""
+    return Mark(
+        **common, verdict=found["verdict"], claims=claims, in_set=truth in claims, unique_wrong=len(claims) == 1 and not accepted & set(claims),
+        flagged=found["verdict"] == "unknown", place=place, place_right=place in stages_of(sheet), confidence=probabilities[best], right=best in accepted,
+        brier=brier(probabilities, truth), removed=found["shrink"]["all"]["fraction"], residual=_residual(found), best=best, sentence=found["sentence"],
+        covered=tuple(equivalents.covered(sheet.effects[0], found["effects"])) if sheet.tier == "single" else ())
+
+
+def truth_of(sheet: Sheet) -> frozenset[str]:
+    known = frozenset(one.id for one in sheet.effects if one.id in _catalogue())
+    return (known | OTHER if len(known) < len(sheet.effects) else known) or NONE
+
+
+def truths_of(sheet: Sheet) -> set[frozenset[str]]:
+    """What nobody could be blamed for naming."""
+    return {truth_of(sheet), *(frozenset(one) for one in sheet.twins)}
+
+
+def claims_of(found: dict[str, Any]) -> tuple[frozenset[str], ...]:
+    """Of `unknown`: what is known of it, with `other`."""
+    if found["verdict"] in NO_CLAIM:
+        return ()
+    if found["verdict"] == "ambiguous":
+        return tuple(frozenset(ids) for ids in found["alternatives"])
+    named = frozenset(one["id"] for one in found["effects"])
+    return (named | OTHER if found["verdict"] == "unknown" else named,)
+
+
+def stages_of(sheet: Sheet) -> set[str]:
+    """Where it truly is, or where nobody could tell that it is not."""
+    stages = {generator.find(one.id, one.variant).stage for one in sheet.effects}
+    return stages | {generator.variants(id)[0].stage for ids in sheet.twins for id in ids}
+
+
+def _catalogue() -> set[str]:
+    return set(generator.ids(in_catalogue=True))
+
+
+def _residual(found: dict[str, Any]) -> float | None:
+    """What is left on held-out data over the floor."""
+    total = found["shrink"]["all"]
+    return total["after"] / total["floor"] if total["after"] is not None and total["floor"] else None

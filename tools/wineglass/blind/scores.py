@@ -1,0 +1,106 @@
+"""All marks of one engine into scores: every share with Wilson's interval, for everything and by tier, protocol and SNR."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from statistics import fmean, median
+from typing import Any
+
+from wineglass.blind import limits
+from wineglass.blind.marks import Mark
+from wineglass.blind.statistics import calibration_error, reliability, risk_over_coverage, share
+
+CLEAR = 10.0  # SNR from which on an effect is to be found
+SNR_EDGES = (0.0, 3.0, 10.0, 50.0, 200.0, 1000.0, float("inf"))
+
+
+def score(marks: list[Mark]) -> dict[str, Any]:
+    clear = [one for one in marks if one.null or one.snr >= CLEAR]
+    return {
+        "cases": len(marks), "failed": {one.case: one.error for one in marks if one.error}, "cpu_s": sum(one.cpu_s for one in marks),
+        "clear": figures(clear), "all": figures(marks),
+        "by_tier": _by(marks, lambda one: one.sheet.tier), "by_protocol": _by(clear, lambda one: one.sheet.protocol),
+        "by_loop": _by(clear, lambda one: one.sheet.loop), "by_snr": _by((one for one in marks if not one.null), snr_bin),
+        "reliability": [{"confidence": one.confidence, "right": one.right.plain()} for one in
+                        reliability([one.confidence for one in clear], [one.right for one in clear])],
+        "risk_over_coverage": _risk(clear), "confusion": confusion(clear), "detection": limits.curves(marks),
+        "worst": [_in_short(one) for one in worst(clear)],
+    }
+
+
+def figures(marks: list[Mark]) -> dict[str, Any]:
+    """The scores of some cases. Shares: {k, n, value, interval}; others numbers or null."""
+    nulls, gaps = [one for one in marks if one.null], [one for one in marks if not one.null]
+    known = [one for one in gaps if one.in_catalogue]
+    pairs, outside = [one for one in gaps if one.sheet.tier == "pair"], [one for one in gaps if not one.in_catalogue]
+    removed = [one.removed for one in known if one.removed is not None and one.verdict in ("attributed", "ambiguous")]
+    residual = [one.residual for one in known if one.residual is not None and one.verdict in ("attributed", "ambiguous")]
+    shares = {
+        "false_gap": share([one.gap for one in nulls]),
+        "truth_in_set": share([one.in_set for one in known]),
+        "unique_and_wrong": share([one.unique_wrong for one in gaps]),
+        "unique_and_right": share([one.in_set and len(one.claims) == 1 for one in known]),
+        "missed": share([not one.gap for one in gaps]),
+        "pairs_exact": share([one.claims == (one.truth,) for one in pairs]),
+        "unknown_flagged": share([one.flagged for one in outside]),
+        "unknown_flagged_falsely": share([one.flagged for one in known]),
+        "place": share([one.place_right for one in gaps]),
+        "interval_coverage": share([inside for one in gaps for _, inside in one.covered]),
+        "failed": share([bool(one.error) for one in marks]),
+    }
+    return {**{name: value.plain() for name, value in shares.items()},
+            "removed_median": median(removed) if removed else None, "residual_median": median(residual) if residual else None,
+            "brier": fmean(one.brier for one in marks) if marks else None,
+            "ece": calibration_error([one.confidence for one in marks], [one.right for one in marks])}
+
+
+def snr_bin(one: Mark) -> str:
+    low, high = next((low, high) for low, high in zip(SNR_EDGES, SNR_EDGES[1:]) if low <= one.snr < high)
+    return f"{low:g} to {high:g}" if high < float("inf") else f"from {low:g}"
+
+
+def confusion(marks: Iterable[Mark]) -> dict[str, dict[str, int]]:
+    """Singles: true effect -> what was answered -> how often."""
+    found: dict[str, dict[str, int]] = {}
+    for one in marks:
+        if one.sheet.tier == "single":
+            row = found.setdefault(one.sheet.effects[0].id, {})
+            said = answered(one)
+            row[said] = row.get(said, 0) + 1
+    return dict(sorted(found.items()))
+
+
+def answered(one: Mark) -> str:
+    """In a word: an effect alone, several at once, in doubt with or without the truth, nothing, or unknown."""
+    if one.verdict == "ambiguous":
+        return "in doubt, truth among them" if one.in_set else "in doubt, truth not among them"
+    if one.verdict == "attributed":
+        ids = one.claims[0]
+        return next(iter(ids)) if len(ids) == 1 else ("truth and more" if one.truth < ids else "several others")
+    return one.verdict
+
+
+def worst(marks: list[Mark], most: int = 40) -> list[Mark]:
+    """Named wrongly with most confidence, false gaps, then what failed or was missed."""
+    wrong = [one for one in marks if one.unique_wrong or (one.null and one.gap) or one.error or (not one.null and not one.right)]
+    return sorted(wrong, key=lambda one: (not one.unique_wrong, not one.null, -one.confidence, -one.snr))[:most]
+
+
+def _in_short(one: Mark) -> dict[str, Any]:
+    effects = [f"{e.id}/{e.variant} {e.strength:g}" for e in one.sheet.effects]
+    return {"case": one.case, "tier": one.sheet.tier, "protocol": one.sheet.protocol, "loop": one.sheet.loop, "seed": one.sheet.seed, "effects": effects,
+            "factor": one.sheet.factor, "snr": one.snr, "channel": one.channel, "verdict": one.verdict,
+            "claims": [sorted(ids) for ids in one.claims], "best": sorted(one.best), "confidence": one.confidence, "error": one.error,
+            "unique_wrong": one.unique_wrong, "sentence": one.sentence}
+
+
+def _by(marks: Iterable[Mark], key: Callable[[Mark], str]) -> dict[str, Any]:
+    groups: dict[str, list[Mark]] = {}
+    for one in marks:
+        groups.setdefault(key(one), []).append(one)
+    return {name: {"cases": len(group), **figures(group)} for name, group in sorted(groups.items())}
+
+
+def _risk(marks: list[Mark]) -> dict[str, list[float]]:
+    coverage, risk = risk_over_coverage([one.confidence for one in marks], [not one.right for one in marks])
+    return {"coverage": coverage.tolist(), "risk": risk.tolist()}

@@ -1,0 +1,141 @@
+"""wineglass blind make|run|score DIR"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wineglass.console import Console
+
+if TYPE_CHECKING:
+    from wineglass.blind.folders import Folders
+    from wineglass.blind.scheduling import Spread
+
+HELP = "the blind check: make recordings with labels under seal, diagnose them, open the labels and score"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from wineglass.blind.choices import PROTOCOLS, TIERS
+
+    actions = parser.add_subparsers(dest="action", required=True, metavar="make|run|score")
+    make = _action(actions, "make", "draw cases, make their recordings, seal their labels", _make)
+    make.add_argument("--cases", type=int, default=400, metavar="N", help="how many (default 400)")
+    make.add_argument("--seed", type=int, required=True, metavar="S", help="of the draw: whoever knows it can make the labels again")
+    make.add_argument("--device", default="metal-fast", metavar="NAME|D.toml", help="device description (default metal-fast)")
+    make.add_argument("--protocol", action="append", choices=PROTOCOLS, help="only this protocol; may be repeated")
+    make.add_argument("--tier", action="append", choices=TIERS, help="only cases of this kind; may be repeated")
+    run = _action(actions, "run", "diagnose the recordings; the labels stay shut", _run)
+    run.add_argument("--engine", default="diagnose", metavar="NAME", help="who answers: diagnose, as the command does, or twin, the twin level alone (default diagnose)")
+    score = _action(actions, "score", "check the seal, open the labels, score the answers", _score)
+    for one in (make, run):
+        one.add_argument("--jobs", type=int, default=2, metavar="N", help="processes of this machine, 0: none but this (default 2)")
+        one.add_argument("--scheduler", default="", metavar="ADDRESS", help="of a running Dask scheduler, tcp://HOST:PORT, in place of this machine")
+    for one in (make, score):
+        one.add_argument("--labels", type=Path, metavar="SEALED", help="folder of the labels (default DIR/sealed)")
+
+
+def _action(actions: Any, name: str, text: str, function: Callable[..., int]) -> argparse.ArgumentParser:
+    parser = actions.add_parser(name, help=text, description=text)
+    parser.add_argument("folder", type=Path, metavar="DIR")
+    parser.set_defaults(function=function)
+    return parser
+
+
+def run(args: argparse.Namespace, console: Console) -> int:
+    return args.function(args, console)
+
+
+def _folders(args: argparse.Namespace) -> Folders:
+    from wineglass.blind.folders import Folders
+
+    return Folders(args.folder, getattr(args, "labels", None))
+
+
+def _spread(args: argparse.Namespace) -> Spread:
+    from wineglass.blind.scheduling import Spread
+    from wineglass.errors import BadInput
+
+    if args.jobs < 0:
+        raise BadInput(f"{args.jobs} processes", "--jobs", "give 0 or more")
+    return Spread(args.jobs, args.scheduler)
+
+
+def _make(args: argparse.Namespace, console: Console) -> int:
+    from wineglass.blind.draw import Wishes
+    from wineglass.blind.making import make
+    from wineglass.errors import BadInput
+
+    if args.cases < 1:
+        raise BadInput(f"{args.cases} cases", "--cases", "give 1 or more")
+    chosen = {name: tuple(value) for name, value in (("tiers", args.tier), ("protocols", args.protocol)) if value}
+    wishes = Wishes(args.cases, args.seed, args.device, **chosen)
+    with console.progress("making", total=args.cases) as bar:
+        seal = make(wishes, _folders(args), _spread(args), bar.advance)
+    console.print(f"{args.cases} recordings in {args.folder / 'recordings'}, their labels in {_folders(args).sealed}")
+    console.print(f"seal: {seal}")
+    console.json({"cases": args.cases, "seal": seal})
+    return 0
+
+
+def _run(args: argparse.Namespace, console: Console) -> int:
+    from wineglass.blind import engines, running, sealing
+    from wineglass.errors import BadInput
+
+    folders = _folders(args)
+    if args.engine not in engines.ENGINES:
+        raise BadInput(f"no engine '{args.engine}'", "--engine", f"choose one of {', '.join(engines.ENGINES)}")
+    folders.need_root()
+    with console.progress("diagnosing", total=len(sealing.manifest(folders.recordings))) as bar:
+        table = running.run(folders, args.engine, _spread(args), bar.advance)
+    failed = _failed(table.parent, console)
+    console.print(f"written: {table}")
+    console.json({"results": table, "failed": failed})
+    return 0
+
+
+def _failed(folder: Path, console: Console) -> dict[str, str]:
+    from wineglass.blind import results
+
+    failed = {name: one["error"] for name, one in results.read(folder).items() if "error" in one}
+    if failed:
+        name, error = next(iter(failed.items()))
+        console.warn(f"{len(failed)} cases ended without an answer, {name} first: {error}; they count as wrong, and `blind run` asks them again")
+    return failed
+
+
+def _score(args: argparse.Namespace, console: Console) -> int:
+    import json
+
+    from wineglass.atomic import write_text
+    from wineglass.blind import scoring
+    from wineglass.console import plain
+
+    folders = _folders(args)
+    marks = scoring.marked(folders)
+    found = scoring.scores(folders, marks)
+    target = folders.root / scoring.SCORES
+    write_text(target, json.dumps(plain(found), indent=1, allow_nan=False) + "\n")
+    for engine, scores in found["engines"].items():
+        _print(engine, scores, console)
+    console.print(f"written: {target}")
+    console.json(found)
+    return 0
+
+
+def _print(engine: str, scores: dict[str, Any], console: Console) -> None:
+    clear, total = scores["clear"], scores["all"]
+    rows = [[name.replace("_", " "), _text(clear[name]), _text(total[name])] for name in clear]
+    console.table(f"{engine}: {scores['cases']} cases", ["score", "nulls and SNR from 10", "all"], rows)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    if not isinstance(value, dict):
+        return f"{value:.3f}"
+    if not value["n"]:
+        return "-"
+    low, high = value["interval"]
+    return f"{value['k']}/{value['n']}  {100 * value['value']:.1f} % ({100 * low:.1f} .. {100 * high:.1f})"
