@@ -8,11 +8,13 @@ import numpy as np
 
 from wineglass import __version__
 from wineglass.diagnosis import bayes, experiments, gap, parameters, thermometer
+from wineglass.diagnosis.blocks import STEADY_DEGC
 from wineglass.diagnosis.contract import (ChannelShrink, Diagnosis, EffectFound, Hypothesis, NextExperiment, Provenance, Region, Shrink,
                                           TotalShrink, Where)
 from wineglass.diagnosis.evidence import Evidence, missing_samples
 from wineglass.diagnosis.probabilities import LEAST_NAMED, SETTLED, earns_its_place
 from wineglass.diagnosis.rate_level import ENGINE, Analysis
+from wineglass.diagnosis.split import IN_TURN
 from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, stage_of
 
 UNIT = "rad/s"
@@ -21,6 +23,8 @@ LEAST_SPAN_DEGC = 5.0
 UNKNOWN_ABOVE = 0.5
 UNKNOWN_LEFT = 0.4  # of the gap: when more than that stays and is no noise, the verdict is unknown
 LEAST_REMOVED = 0.1  # of the held-out gap
+HISTORY = {"thermometer_lag", "thermal_gradient", "thermal_hysteresis", "ageing"}
+"""Effects of the path that the temperature took"""
 COMPUTED_BY = "rate-level model with the effects added, not the full twin"
 
 
@@ -53,7 +57,7 @@ def decide(found: Analysis) -> Outcome:
         return Outcome("ambiguous", named)
     if doubtful and found.share_left > ATTRIBUTED_LEFT:
         return Outcome("unknown", named[:1])
-    if not _earned(found, named[0]) or found.cancelling(named[0]):
+    if not _earned(found, named[0]) or found.cancelling(named[0]) or (_one_cycle(found) and HISTORY & set(named[0])):
         return Outcome("ambiguous", [named[0], (OTHER,)])
     holding = sum(p for ids, p in probability.items() if set(named[0]) <= set(ids))
     if holding >= SETTLED:
@@ -79,6 +83,12 @@ def _not_excluded(found: Analysis, named: list[tuple[str, ...]]) -> list[tuple[s
     probable = [ids for ids in found.posterior.explanations if found.posterior.probability[ids] >= LEAST_NAMED]
     singles = [(name,) for name in found.design.effects]
     return [ids for ids in dict.fromkeys([*probable, *singles]) if ids not in named]
+
+
+def _one_cycle(found: Analysis) -> bool:
+    """In a single cycle lag, drift and hysteresis, and what is in no catalogue, can take each other's shape."""
+    steady = float(np.ptp(found.blocks.temperature_degc)) < STEADY_DEGC
+    return not found.design.calibrated and not steady and len(found.blocks.branches) < IN_TURN
 
 
 def _poor(found: Analysis) -> bool:
