@@ -143,10 +143,9 @@ static double amplitude_power(const struct exam *exam)
     return power == 1 ? sqrt(square) : power == 4 ? square * square : square;
 }
 
-static struct exam_shell shell_of(const struct exam *exam, const double *q, double slope_rad_s2, double amplitude)
+static struct exam_shell shell_of(const double *q, double slope_rad_s2, double amplitude)
 {
     const double *f = &q[EXAM_DRIVE_FORCE_1];
-    (void)exam;
     return (struct exam_shell){
         .stiffness = {{q[EXAM_STIFFNESS_11] * (1.0 + q[EXAM_STIFFENING_1] * amplitude), q[EXAM_STIFFNESS_12]},
                       {q[EXAM_STIFFNESS_21], q[EXAM_STIFFNESS_22] * (1.0 + q[EXAM_STIFFENING_2] * amplitude)}},
@@ -160,16 +159,31 @@ static struct exam_shell shell_of(const struct exam *exam, const double *q, doub
     };
 }
 
-/* Steps at both ends of a block. */
-static void steps_of(const struct exam *exam, const double *from, const double *to, struct exam_step ends[2])
+static void step_of(const struct exam *exam, const double *q, double slope_rad_s2, struct exam_step *step)
+{
+    struct exam_shell shell = shell_of(q, slope_rad_s2, amplitude_power(exam));
+    exam_step_make(&shell, exam->carrier_rad_s, q[EXAM_SAMPLE_PERIOD], step);
+}
+
+static bool depends_on_amplitude(const double *q)
+{
+    return q[EXAM_STIFFENING_1] != 0.0 || q[EXAM_STIFFENING_2] != 0.0 || q[EXAM_THICKENING_1] != 0.0 || q[EXAM_THICKENING_2] != 0.0;
+}
+
+/* Steps at both ends of a block. Where the rate goes on as it did, a block begins with the step that the one before ended with. */
+static void steps_of(struct exam *exam, const double *from, const double *to, struct exam_step ends[2])
 {
     double seconds = from[EXAM_SAMPLE_PERIOD] * exam->cfg.block_samples;
-    double slope = (to[EXAM_RATE] - from[EXAM_RATE]) / seconds, amplitude = amplitude_power(exam);
-    const double *q[2] = {from, to};
-    for (int i = 0; i < 2; i++) {
-        struct exam_shell shell = shell_of(exam, q[i], slope, amplitude);
-        exam_step_make(&shell, exam->carrier_rad_s, q[i][EXAM_SAMPLE_PERIOD], &ends[i]);
+    double slope = (to[EXAM_RATE] - from[EXAM_RATE]) / seconds;
+    if (exam->has_end && exam->end_slope_rad_s2 == slope && !depends_on_amplitude(from)) {
+        ends[0] = exam->end;
+    } else {
+        step_of(exam, from, slope, &ends[0]);
     }
+    step_of(exam, to, slope, &ends[1]);
+    exam->end = ends[1];
+    exam->end_slope_rad_s2 = slope;
+    exam->has_end = true;
 }
 
 /* ---- samples ----------------------------------------------------------------------------------------------------------- */

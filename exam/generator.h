@@ -32,6 +32,8 @@ struct exam {
     double carrier_rad_s;
     double state[4];
     double force[EXAM_FORCES][2]; /* DAC outputs in FS, a ring by sample number */
+    struct exam_step end; /* of the block before, and the slope of its rate */
+    double end_slope_rad_s2;
     struct exam_third third;
     struct exam_tone tone[EXAM_TONES], pump;
     double tone_value[EXAM_TONES];
@@ -43,7 +45,7 @@ struct exam {
     int32_t codes[2];
     double code_limit, dac_scale;
     uint64_t samples, clipped, forces_given;
-    bool has_tones, has_third, has_kicks, prompt;
+    bool has_end, has_tones, has_third, has_kicks, prompt;
 };
 
 /* Slow numbers of one block at its middle, EXAM_QUANTITIES of them. */

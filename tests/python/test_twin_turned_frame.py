@@ -25,8 +25,8 @@ def leaning(codes: np.ndarray) -> complex:
     return complex(*found)
 
 
-@pytest.mark.xfail(strict=True, reason="the twin's samples stand one period late on the time of the rate (20 us times its slope; a carrier of 5100 Hz shows it alone), "
-                                       "and a rate held for a whole number of carrier periods mixes the carrier with itself (1/(2 w), 16 us times the slope)")
+@pytest.mark.xfail(strict=True, reason="the twin's samples stand one period late on the time of the rate (20 us times its slope; a carrier of 5100 Hz shows "
+                                       "it alone), and a rate held for whole carrier periods mixes the carrier with itself (1/(2 w), 16 us times the slope)")
 def test_a_ramp_of_the_rate_leans_on_nothing():
     """40 ms into a ramp of 1000 deg/s^2; the rate then is 0.70 rad/s, so 1e-7 stands for 0.15 us."""
     run = scenario.prepare(scenario.parse({

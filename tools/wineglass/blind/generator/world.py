@@ -265,6 +265,9 @@ class World:
         }
 
     def _force_columns(self) -> dict[str, Slow]:
+        latest = max(float(np.max(self.drive_delay_s)), float(np.max(self.rebalance_delay_s)))
+        if latest > float(np.min(self.sample_period_s)):
+            raise BadInput(f"a force {1e6 * latest:.3g} us late", "case", "stay within one sampling period: a smaller drive_phase")
         return {
             "drive_force_1": self.drive_force * np.cos(self.drive_angle_rad), "drive_force_2": self.drive_force * np.sin(self.drive_angle_rad),
             "rebalance_force_1": -self.rebalance_force * np.sin(self.rebalance_angle_rad),
