@@ -6,7 +6,7 @@ import pytest
 from wineglass import device as devices
 from wineglass import nominal, scenario
 from wineglass.calibration_block import from_binary
-from wineglass.diagnosis import noise_floor, noise_level, noise_windows, raw_codes
+from wineglass.diagnosis import noise_floor, noise_level, noise_windows, raw_codes, thermometer_codes
 from wineglass.effects import Setting
 from wineglass.recording import Recording
 from wineglass.simulation import simulate
@@ -121,6 +121,41 @@ def test_noise_within_the_stated_tolerance_is_no_gap(tmp_path):
     """1 dB is the standard deviation that the description states."""
     found = examined(make(tmp_path / "x.h5", "open", **{"plant": {"override": {"electronics.adc.snr_db": 89.0}}}))
     assert found.named == []
+
+
+def test_steps_of_the_thermometer_by_hand():
+    """Readings of a creeping temperature through a coarse sensor, rounded to the device's codes and averaged; and through a fine one."""
+    rng = np.random.default_rng(SEED)
+    described = devices.load("metal")
+    truth = 25.0 + 20.0 * (1.0 - np.exp(-np.linspace(0.0, 8.0, 20 * 6000)))
+
+    def telemetry(step):
+        sensed = truth + 0.004 * rng.standard_normal(len(truth))
+        coarse = np.round(sensed / step) * step if step else sensed
+        codes = np.round(coarse * 128) / 128
+        return codes.reshape(-1, 20).mean(axis=1)
+
+    for step in (0.05, 0.3):
+        found = thermometer_codes.find(_Output(telemetry(step)), described)
+        assert found.coarse and found.step_degc == pytest.approx(step, rel=0.02) and found.log_evidence > 15
+    assert not thermometer_codes.find(_Output(telemetry(0.0)), described).coarse
+
+
+class _Output:
+    """A recording of nothing but temperature."""
+
+    def __init__(self, readings):
+        self._readings = readings
+        self.valid = np.ones(len(readings), bool)
+
+    def __contains__(self, name):
+        return name in ("output", "temperature_measured")
+
+    def __getitem__(self, name):
+        return self._readings
+
+    def tap(self, name):
+        return self
 
 
 # ---- less than everything ---------------------------------------------------------------------------------------------------------

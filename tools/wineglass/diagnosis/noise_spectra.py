@@ -2,9 +2,9 @@
 
     density(channel, f) = floor(channel, f) + sum over effects of strength^2 shape(effect, channel, f)
 
-Patterns: a noisy pickoff is white in both quadratures of its axis; jitter of the clock moves the phase, so it is in the primary's quadrature in proportion to
-the amplitude, and (white jitter) a third of it in phase; flicker is a rate, so it is in the secondary axis' in-phase channel alone, and low. Likelihood
-of band powers (Whittle); strengths and the floor's tolerance are integrated over grids, so that evidences can be compared."""
+Patterns: a noisy pickoff is white in both quadratures of its axis; jitter of the clock moves the phase, so it is in the primary's quadrature in
+proportion to the amplitude, and (white jitter) a third of it in phase; flicker is a rate, so it is in the secondary axis' in-phase channel alone, and
+low. Likelihood of band powers (Whittle); strengths and the floor's tolerance are integrated over grids, so that evidences can be compared."""
 
 from __future__ import annotations
 
@@ -99,8 +99,8 @@ class SpectralEvidence:
 
 
 def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: dict[str, np.ndarray], lines: np.ndarray) -> list[Band]:
-    """All usable bands. slow: what another model predicts of channels' slow content, by name, at the baseband's samples; lines: bins of each window
-    that a line stands on, (n, m) bool."""
+    """All usable bands. slow: what another model predicts of channels' slow content, by name, at the baseband's samples;
+    lines: bins of each window that a line stands on, (n, m) bool."""
     tap = windows.tap
     found: list[Band] = []
     loop = calibration.loop
@@ -134,8 +134,8 @@ def rate_bands(windows: Windows, device: Device, calibration: Calibration, slow:
 
 
 def without_low(bands: list[Band], from_hz: float) -> list[Band]:
-    """Without the in-phase bands that the rate's own look better at."""
-    return [band for band in bands if band.channel not in (SECONDARY[0], FORCES[0]) or band.low_hz > from_hz]
+    """Without the secondary axis' low bands: in phase the rate's own are better, and in quadrature nothing but slow content is found there."""
+    return [band for band in bands if band.channel not in (*SECONDARY, *FORCES) or band.low_hz > from_hz]
 
 
 def _filled(tap: Tap, channel: str) -> np.ndarray:
@@ -218,11 +218,13 @@ def sources(device: Device) -> dict[str, Source]:
     floor = math.sqrt(Pickoff.of(device).whole)
     speed = 2.0 * math.pi * device.resonator.frequency_hz * device.firmware.amplitude_fs
     bias = device.noise_floor.rate_bias_instability_rad_s
+    least = max(1e-8, bias)  # what the description calls healthy is none
     return {item.name: item for item in (
-        Source("excess_noise", "primary_fs", "FS rms", 0.3 * floor, 300.0 * floor), Source("excess_noise", "secondary_fs", "FS rms", 0.3 * floor, 300.0 * floor),
+        Source("excess_noise", "primary_fs", "FS rms", 0.3 * floor, 300.0 * floor),
+        Source("excess_noise", "secondary_fs", "FS rms", 0.3 * floor, 300.0 * floor),
         Source("clock_jitter", "jitter_s", "s rms", 0.2 * floor / speed, 300.0 * floor / speed),
         Source("clock_jitter", "slow_jitter_s", "s rms", 0.2 * floor / speed, 300.0 * floor / speed),
-        Source("flicker_noise", "bias_rad_s", "rad/s rms", max(1e-8, bias), 1e-3), Source("flicker_noise", "octaves_rad_s", "rad/s rms", max(1e-8, bias), 1e-3))}
+        Source("flicker_noise", "bias_rad_s", "rad/s rms", least, 1e-3), Source("flicker_noise", "octaves_rad_s", "rad/s rms", least, 1e-3))}
 
 
 def weigh(bands: list[Band], device: Device, windows: int) -> SpectralEvidence:

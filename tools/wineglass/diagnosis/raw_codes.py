@@ -33,12 +33,15 @@ MODEL_ERROR = 0.03
 RIPPLE_BITS, RIPPLE_FIRST = 17, 64
 """resolution over the code; periods longer than so many to the full range are curves, which harmonics show"""
 
+Values = dict[str, list[tuple[str, float, float, str]]]
+"""per effect: name, value, standard deviation, unit"""
+
 
 @dataclass(frozen=True)
 class Burst:
-    """One channel of one burst. amplitude: of the carrier [FS]; harmonics (HARMONICS - 1,): complex amplitudes of 2, 3, ... times the carrier, in step
-    with it; variance: of what is left [FS^2]; speed_variance: its part that goes with the square of the carrier's speed, per (FS per turn)^2;
-    each with a standard deviation"""
+    """One channel of one burst. frequency: turns per sample; amplitude: of the carrier [FS]; harmonics (HARMONICS - 1,): complex amplitudes of 2, 3, ...
+    times the carrier, in step with it; variance: of what is left [FS^2]; modulation: by how much it rises where the carrier is fastest; clipped: samples
+    that stand at `level` [FS] while the sine goes on; common_step: of all codes; rest, smooth (samples,): what is left, and the rest of the signal [FS]"""
 
     channel: str
     number: int
@@ -63,8 +66,7 @@ class RawEvidence:
     """log_evidence: per effect against none, of this evidence alone"""
 
     log_evidence: dict[str, float]
-    values: dict[str, list[tuple[str, float, float, str]]]
-    """per effect: name, value, standard deviation, unit"""
+    values: Values
     bursts: list[Burst]
     notes: list[str] = field(default_factory=list)
 
@@ -75,9 +77,10 @@ def examine(recording: Recording, device: Device, skip_s: np.ndarray | None = No
     bursts = [found for number, tap in enumerate(recording.bursts) if not _jumped(tap, jumps) for channel in CHANNELS
               if (found := _burst(tap, channel, number)) is not None]
     if not bursts:
-        return RawEvidence({}, {}, [], ["no raw burst to look at the converters" + (" without a jump in it" if recording.bursts and len(jumps) else "")])
+        without = " without a jump in it" if recording.bursts and len(jumps) else ""
+        return RawEvidence({}, {}, [], [f"no raw burst{without} to look at the converters"])
     evidence: dict[str, float] = {}
-    values: dict[str, list[tuple[str, float, float, str]]] = {}
+    values: Values = {}
     _clipping(bursts, evidence, values)
     rippled = _curvature(bursts, evidence, values)
     _noise(bursts, device, rippled, evidence, values)
@@ -184,7 +187,7 @@ def _step(codes: np.ndarray) -> int:
 # ---- effects --------------------------------------------------------------------------------------------------------------------------
 
 
-def _clipping(bursts: list[Burst], evidence: dict[str, float], values: dict[str, list[tuple[str, float, float, str]]]) -> None:
+def _clipping(bursts: list[Burst], evidence: dict[str, float], values: Values) -> None:
     """A sine that is cut off stays at its top, in every burst at one level."""
     cut = [burst for burst in bursts if burst.clipped]
     levels = np.array([burst.level for burst in cut])
@@ -194,7 +197,7 @@ def _clipping(bursts: list[Burst], evidence: dict[str, float], values: dict[str,
         values["adc_saturation"] = [("loss_fs", 1.0 - float(levels.mean()), max(2e-4, float(np.std(levels))), "FS")]
 
 
-def _curvature(bursts: list[Burst], evidence: dict[str, float], values: dict[str, list[tuple[str, float, float, str]]]) -> float:
+def _curvature(bursts: list[Burst], evidence: dict[str, float], values: Values) -> float:
     """Harmonics of the primary in step with it, and steps that repeat over the code. Whatever the curve's form: even and odd ones are summed; a
     polynomial is fitted. Returns the variance [FS^2] that repeating steps leave."""
     chosen = [burst for burst in bursts if burst.channel == CHANNELS[0] and burst.amplitude > 0.05 and not burst.clipped]
@@ -216,7 +219,8 @@ def _curvature(bursts: list[Burst], evidence: dict[str, float], values: dict[str
     ripple = _ripple(chosen)
     if not clipped and ripple.log_evidence > max(SURE, evidence["adc_nonlinearity"]):
         evidence["adc_nonlinearity"] = ripple.log_evidence
-        values["adc_nonlinearity"] = [("ripple_fs", ripple.amplitude, 0.1 * ripple.amplitude, "FS"), ("ripple_period_fs", ripple.period, 0.01 * ripple.period, "FS")]
+        values["adc_nonlinearity"] = [("ripple_fs", ripple.amplitude, 0.1 * ripple.amplitude, "FS"),
+                                      ("ripple_period_fs", ripple.period, 0.01 * ripple.period, "FS")]
         return ripple.variance
     return 0.0
 
@@ -276,7 +280,7 @@ def _curve(bursts: list[Burst], systematic: float) -> list[tuple[str, float, flo
             for name, value, error in zip(("cubic", "quintic", "quadratic"), estimate, deviation, strict=True)]
 
 
-def _noise(bursts: list[Burst], device: Device, rippled: float, evidence: dict[str, float], values: dict[str, list[tuple[str, float, float, str]]]) -> None:
+def _noise(bursts: list[Burst], device: Device, rippled: float, evidence: dict[str, float], values: Values) -> None:
     """Variance per sample of both pickoffs, and how it goes with the carrier's speed."""
     floor, tolerance = Pickoff.of(device), _tolerance(device)
     evidence["excess_noise"], evidence["clock_jitter"] = -1.0, -1.0
@@ -304,7 +308,7 @@ def _noise(bursts: list[Burst], device: Device, rippled: float, evidence: dict[s
         values["excess_noise"] = [(name, math.sqrt(excess), 0.5 * spread / math.sqrt(excess), "FS rms") for name, excess, spread, _ in strong]
 
 
-def _jitter(bursts: list[Burst], device: Device, evidence: dict[str, float], values: dict[str, list[tuple[str, float, float, str]]]) -> None:
+def _jitter(bursts: list[Burst], device: Device, evidence: dict[str, float], values: Values) -> None:
     """Noise that is largest where the carrier is fastest: variance of lateness times speed^2, and sin^2 = (1 - cos 2)/2."""
     speeds = [2.0 * math.pi * burst.frequency * burst.amplitude for burst in bursts]  # FS per sample
     late, sigma = _weighted([(2.0 * burst.modulation / v**2, 2.0 * burst.modulation_sigma / v**2) for burst, v in zip(bursts, speeds, strict=True)])
@@ -320,7 +324,7 @@ def _surprise(ratio: float, tolerance: float, z: float) -> float:
     return min(z**2, (math.log(max(ratio, 1.0)) / math.hypot(tolerance, MODEL_ERROR)) ** 2)
 
 
-def _lines(bursts: list[Burst], recording: Recording, evidence: dict[str, float], values: dict[str, list[tuple[str, float, float, str]]]) -> None:
+def _lines(bursts: list[Burst], recording: Recording, evidence: dict[str, float], values: Values) -> None:
     """A tone away from the carrier in the secondary codes, in all bursts at one frequency."""
     own = [burst for burst in bursts if burst.channel == CHANNELS[1]]
     length = min((burst.samples for burst in own), default=0)
@@ -343,7 +347,8 @@ def _lines(bursts: list[Burst], recording: Recording, evidence: dict[str, float]
         variance = float(np.mean([burst.variance for burst in own]))
         amplitude = 2.0 * math.sqrt(max(ratio - 1.0, 0.0) * variance * np.sum(window**2)) / np.sum(window)
         rate = recording.bursts[0].sample_rate_hz
-        values["interference"] = [("amplitude_fs", amplitude, 0.2 * amplitude, "FS"), ("frequency_hz", float(place[at]) * rate, 0.5 * rate / length, "Hz")]
+        values["interference"] = [("amplitude_fs", amplitude, 0.2 * amplitude, "FS"),
+                                  ("frequency_hz", float(place[at]) * rate, 0.5 * rate / length, "Hz")]
 
 
 def _weighted(pairs: list[tuple[float, float]]) -> tuple[float, float]:

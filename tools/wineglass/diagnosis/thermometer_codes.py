@@ -19,7 +19,7 @@ RUN = 5
 """equal readings in a row that count as standing still"""
 ON_STEP = 0.04
 """of a step: how near to a multiple counts as on it, beside half of the thermometer's own code, to which it is rounded"""
-LEAST_SHARE, LEAST_LEVELS = 0.85, 4
+LEAST_SHARE, LEAST_LEVELS, LEAST_NEIGHBOURS = 0.85, 8, 0.4
 LEAST_SAMPLES = 200
 
 
@@ -31,10 +31,12 @@ class Steps:
     share: float
     levels: int
     own_degc: float
+    neighbours: float = 0.0
+    """share of the distances between levels that are one step: a temperature that creeps meets them one after the other"""
 
     @property
     def coarse(self) -> bool:
-        return self.levels >= LEAST_LEVELS and self.share > LEAST_SHARE and self.step_degc > LEAST_RATIO * self.own_degc
+        return self.neighbours >= LEAST_NEIGHBOURS and self.levels >= LEAST_LEVELS and self.share > LEAST_SHARE and self.step_degc > LEAST_RATIO * self.own_degc
 
     @property
     def log_evidence(self) -> float:
@@ -59,7 +61,8 @@ def find(recording: Recording, device: Device) -> Steps | None:
     if len(distances) == 0:
         return Steps(own, 0.0, len(levels), own)
     step, share = _refined(levels, float(np.median(distances)), own)
-    return Steps(step, share, len(levels), own)
+    near = float(np.mean(np.abs(distances / step - 1.0) < 2.0 * _tolerance(step, own)))
+    return Steps(step, share, len(levels), own, near)
 
 
 def _standing(readings: np.ndarray, own: float) -> np.ndarray:
