@@ -37,6 +37,8 @@ class Line:
     amplitude_sigma: float
     log_evidence: float
     ratio: float
+    height: float = 1.0
+    """over the quiet parts of the spectrum; a strong line raises its own surroundings"""
 
 
 @dataclass(frozen=True)
@@ -90,9 +92,9 @@ def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, least: flo
     place, wander = np.full(len(windows), line.frequency_hz), np.zeros(len(windows))
     if line.kind == "interference":
         place, wander = _distance_hz(line.frequency_hz, windows, windows.tap if carrier is None else carrier)
-    reach = max(4.5, 1.3 * (line.ratio / 0.03) ** 0.25)  # the tapers' sides fall with the fourth power
+    reach = max(4.5, 1.3 * (line.height / 0.03) ** 0.25)  # the tapers' sides fall with the fourth power
     width = reach * windows.tap.sample_rate_hz / windows.length
-    for times in (1.0, 2.0, 3.0) if line.ratio > 100.0 else (1.0,):
+    for times in (1.0, 2.0, 3.0) if line.height > 100.0 else (1.0,):
         found |= np.abs(bins - _folded(times * place, windows.tap.sample_rate_hz)[:, None]) < (width + 0.5 * times * wander)[:, None]
     return found
 
@@ -162,7 +164,7 @@ def _line_of_rate(windows: Windows, real: np.ndarray, imaginary: np.ndarray, mod
     mixed = 0.0 if quadrature[at] < 1.5 else count * (quadrature[at] - 1.0 - math.log(quadrature[at]))
     evidence = float(score[at]) - math.log(len(frequency)) - OCCAM - max(0.0, mixed - 0.01 * float(score[at]))
     sigma = _sigma_hz(windows, ratio[at], count)
-    return Line("vibration", _centre(frequency, real, ratio, at), sigma, amplitude, amplitude * _relative_sigma(ratio[at], count), evidence, float(ratio[at]))
+    return Line("vibration", _centre(frequency, real, ratio, at), sigma, amplitude, amplitude * _relative_sigma(ratio[at], count), evidence, float(ratio[at]), _height(real, at))
 
 
 def _interference(windows: Windows, tap: Tap, rotary: np.ndarray, still: np.ndarray, model: FloorModel, channel: str) -> Line:
@@ -177,13 +179,13 @@ def _interference(windows: Windows, tap: Tap, rotary: np.ndarray, still: np.ndar
         score = np.where(np.abs(place) < (LEAST_BIN - 0.5) * tap.sample_rate_hz / length, -np.inf, score)
         at = int(np.argmax(score))
         found.append((float(score[at]) - math.log(length) - OCCAM, _centre(place, power, ratio, at), float(ratio[at]),
-                      _line_power(windows, power, ratio, at)))
-    evidence, offset, ratio_at, power_at = max(found)
+                      _line_power(windows, power, ratio, at), _height(power, at)))
+    evidence, offset, ratio_at, power_at, height = max(found)
     answer = math.sqrt(float(model.of_tone(channel, np.array([offset]))[0]))
     amplitude = math.sqrt(power_at) / max(answer, 1e-300)
     carrier = float(np.median(_filled(tap, "drive_frequency")))
     return Line("interference", carrier + offset, _sigma_hz(windows, ratio_at, count), amplitude, amplitude * _relative_sigma(ratio_at, count),
-                evidence, ratio_at)
+                evidence, ratio_at, height)
 
 
 def _other(windows: Windows, rotary: np.ndarray) -> Line:
@@ -205,6 +207,10 @@ def _line_power(windows: Windows, power: np.ndarray, ratio: np.ndarray, at: int)
     return float(np.sum(extra)) * windows.tap.sample_rate_hz / windows.length
 
 
+def _height(power: np.ndarray, at: int) -> float:
+    return float(power[at] / np.quantile(power, 0.1))
+
+
 def _centre(place_hz: np.ndarray, power: np.ndarray, ratio: np.ndarray, at: int) -> float:
     """Centre of gravity [Hz] of what the line's bins have over the level around them."""
     near = slice(max(0, at - 3), at + 4)
@@ -217,4 +223,4 @@ def _sigma_hz(windows: Windows, ratio: float, count: float) -> float:
 
 
 def _relative_sigma(ratio: float, count: float) -> float:
-    return float(max(0.08, 0.5 * ratio / max(ratio - 1.0, 1e-3) / math.sqrt(count)))
+    return float(max(0.04, 0.5 * ratio / max(ratio - 1.0, 1e-3) / math.sqrt(count)))
