@@ -50,7 +50,8 @@ def draw(wishes: Wishes) -> list[Sheet]:
     random = np.random.default_rng([wishes.seed, 0x424C494E])
     tiers = apportioned(wishes.cases, {tier: SHARES[tier] for tier in wishes.tiers})
     days = _endless(apportioned(max(wishes.cases, len(wishes.protocols)), {one: PROTOCOL_SHARES.get(one, 15) for one in wishes.protocols}), random)
-    ids = {True: _endless(generator.ids(in_catalogue=True), random), False: _endless(generator.ids(in_catalogue=False), random)}
+    known, outside = generator.ids(in_catalogue=True), generator.ids(in_catalogue=False)
+    ids = {"alone": _endless(known, random), "known": _endless(known, random), "outside": _endless(outside, random)}
     strengths, twins = _endless(STRENGTHS, random), _endless(range(len(TWINS)), random)
     return [_sheet(f"case_{number:04d}", str(tier), wishes, random, days, ids, strengths, twins)
             for number, tier in enumerate(random.permutation(tiers), start=1)]
@@ -73,7 +74,7 @@ def _endless(items: Sequence, random: np.random.Generator) -> Iterator:
         yield from (items[index] for index in random.permutation(len(items)))
 
 
-def _sheet(name: str, tier: str, wishes: Wishes, random: np.random.Generator, days: Iterator, ids: dict[bool, Iterator], strengths: Iterator,
+def _sheet(name: str, tier: str, wishes: Wishes, random: np.random.Generator, days: Iterator, ids: dict[str, Iterator], strengths: Iterator,
            twins: Iterator) -> Sheet:
     protocol, loop, seed = next(days), str(random.choice(["open", "rebalance"])), int(random.integers(1, 2**31))
     common = {"name": name, "tier": tier, "protocol": protocol, "loop": loop, "device": wishes.device, "seed": seed}
@@ -87,11 +88,11 @@ def _sheet(name: str, tier: str, wishes: Wishes, random: np.random.Generator, da
         return Sheet(**{**common, **still}, effects=(effect,), factor=1.0, twins=tuple((one,) for one in indistinct))
     if tier == "single":
         factor = float(next(strengths))
-        return Sheet(**common, effects=_effects(1, ids[True], loop, factor, random), factor=factor)
+        return Sheet(**common, effects=_effects(1, ids["alone"], loop, factor, random), factor=factor)
     factor = float(np.exp(random.uniform(*np.log(TOGETHER))))
     known = {"pair": 2, "triple": 3, "outside": 0, "known_and_unknown": 1}[tier]
-    outside = _effects(0 if known > 1 else 1, ids[False], loop, factor, random)
-    return Sheet(**common, effects=_effects(known, ids[True], loop, factor, random) + outside, factor=factor)
+    outside = _effects(0 if known > 1 else 1, ids["outside"], loop, factor, random)
+    return Sheet(**common, effects=_effects(known, ids["known"], loop, factor, random) + outside, factor=factor)
 
 
 NULL_FIELDS = {"null": {"another_unit": False}, "null_unit": {}, "null_profile": {}, "null_lossy": {"lost_fraction": LOST}, "null_noisy": {"noise_factor": NOISE}}

@@ -32,7 +32,7 @@ def _point(factor: float, marks: list[Mark]) -> dict[str, Any]:
 
 def half_seen(sizes: Sequence[float], seen: Sequence[bool], low: float = 10**-1.5, high: float = 10.0) -> float | None:
     """Size at which a logistic curve over log10(size) crosses one half, by likelihood; null where all or none were seen."""
-    if not seen or all(seen) or not any(seen):
+    if len(seen) == 0 or all(seen) or not any(seen):
         return None
     x, hit = np.log10(np.asarray(sizes, float)), np.asarray(seen, bool)
     middles = np.linspace(np.log10(low), np.log10(high), 181)

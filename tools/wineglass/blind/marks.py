@@ -17,7 +17,7 @@ NO_CLAIM = ("no_gap", "insufficient")
 class Mark:
     """truth: ids, `none` of a null, `other` for what is not in the catalogue
     claims: explanations that the answer holds possible; empty where it claims nothing
-    in_set: the truth is among the claims; unique_wrong: one claim alone, and it is not the truth
+    in_set: the truth is among the claims; unique_wrong: one claim alone, and it names what is not so
     right: the likeliest hypothesis is the truth (or, where nobody can tell twins apart, one of them)
     covered: per parameter that truth and diagnosis both have, whether the 95 % interval holds the truth"""
 
@@ -72,10 +72,17 @@ def mark(label: dict[str, Any], answer: dict[str, Any]) -> Mark:
     best, claims, accepted = max(probabilities, key=probabilities.__getitem__), claims_of(found), truths_of(sheet)
     place = max(found["where"], key=lambda one: one["share"])["stage"] if found["where"] else ""
     return Mark(
-        **common, verdict=found["verdict"], claims=claims, in_set=truth in claims, unique_wrong=len(claims) == 1 and not accepted & set(claims),
+        **common, verdict=found["verdict"], claims=claims, in_set=truth in claims, unique_wrong=_wrong_alone(claims, accepted),
         flagged=found["verdict"] == "unknown", place=place, place_right=place in stages_of(sheet), confidence=probabilities[best], right=best in accepted,
         brier=brier(probabilities, truth), removed=found["shrink"]["all"]["fraction"], residual=_residual(found), best=best, sentence=found["sentence"],
         covered=tuple(equivalents.covered(sheet.effects[0], found["effects"])) if sheet.tier == "single" else ())
+
+
+def _wrong_alone(claims: tuple[frozenset[str], ...], accepted: set[frozenset[str]]) -> bool:
+    """One claim that is not true. `unknown` by itself claims nothing wrong; effects named with it may be wrong."""
+    if len(claims) != 1 or claims[0] in accepted:
+        return False
+    return "other" not in claims[0] or not any(claims[0] - OTHER <= truth for truth in accepted)
 
 
 def truth_of(sheet: Sheet) -> frozenset[str]:

@@ -4,6 +4,7 @@ A task gets bytes and gives back plain data, so workers need no common disk. A w
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -62,6 +63,7 @@ def _flow(client: Any, function: Callable[..., Any], tasks: Sequence[tuple[str, 
 def _client(spread: Spread) -> Iterator[Any]:
     """A connected client; a cluster of one's own ends with it."""
     dask, distributed = need("dask"), need("distributed")
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
     dask.config.set({"distributed.scheduler.allowed-failures": ATTEMPTS, "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
                      "logging.distributed": "error"})
     if spread.scheduler:
@@ -72,6 +74,6 @@ def _client(spread: Spread) -> Iterator[Any]:
         with client:
             yield client
         return
-    with distributed.LocalCluster(n_workers=spread.jobs, threads_per_worker=1, processes=True, dashboard_address=None) as cluster, \
+    with distributed.LocalCluster(n_workers=spread.jobs, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster, \
             distributed.Client(cluster) as client:
         yield client

@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from wineglass.blind import results, sealing
+from wineglass.blind import gating, results, sealing
+from wineglass.blind.choices import NULLS
 from wineglass.blind.folders import Folders
 from wineglass.blind.marks import Mark, mark
 from wineglass.blind.scores import score
@@ -23,12 +24,21 @@ def marked(folders: Folders) -> dict[str, list[Mark]]:
     digests = sealing.manifest(folders.recordings)
     if not folders.engines:
         raise BadInput("there are no answers yet", folders.root, "run `wineglass blind run` first")
-    found = {}
-    for engine in folders.engines:
+    found: dict[str, list[Mark]] = {}
+    for engine in sorted(folders.engines, key=lambda name: name != MAIN):
         answers = results.read(folders.results(engine))
         _check(answers, digests, folders.results(engine))
+        if all("gap_statistic" in one for one in answers.values()):
+            nulls = {name for name, label in labels.items() if label["sheet"]["tier"] in NULLS}
+            answers = gating.gate(answers, nulls, _false_gaps(found.get(MAIN, [])))
         found[engine] = [mark(labels[name], answers[name]) for name in sorted(labels)]
     return found
+
+
+def _false_gaps(marks: list[Mark]) -> float:
+    """Share of nulls with a gap; a hundredth where the diagnosis has not answered."""
+    nulls = [one for one in marks if one.null]
+    return sum(one.gap for one in nulls) / len(nulls) if nulls else 0.01
 
 
 def _check(answers: dict[str, dict[str, Any]], digests: dict[str, dict[str, str]], folder: Path) -> None:
@@ -47,6 +57,11 @@ def scores(folders: Folders, marks: dict[str, list[Mark]]) -> dict[str, Any]:
             "plan": json.loads(plan.read_text(encoding="utf-8")) if plan.is_file() else None,
             "answers": {engine: _provenance(folders.results(engine)) for engine in marks},
             "engines": {engine: score(found) for engine, found in marks.items()}}
+
+
+def main_of(found: dict[str, Any]) -> str:
+    """The engine that is examined; the others stand beside it."""
+    return MAIN if MAIN in found["engines"] else next(iter(found["engines"]))
 
 
 def _provenance(folder: Path) -> dict[str, list[str]]:

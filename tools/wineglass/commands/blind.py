@@ -1,4 +1,4 @@
-"""wineglass blind make|run|score DIR"""
+"""wineglass blind make|run|baselines|score DIR"""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HELP = "the blind check: make recordings with labels under seal, diagnose them, 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from wineglass.blind.choices import PROTOCOLS, TIERS
 
-    actions = parser.add_subparsers(dest="action", required=True, metavar="make|run|score")
+    actions = parser.add_subparsers(dest="action", required=True, metavar="make|run|baselines|score")
     make = _action(actions, "make", "draw cases, make their recordings, seal their labels", _make)
     make.add_argument("--cases", type=int, default=400, metavar="N", help="how many (default 400)")
     make.add_argument("--seed", type=int, required=True, metavar="S", help="of the draw: whoever knows it can make the labels again")
@@ -28,8 +28,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     make.add_argument("--tier", action="append", choices=TIERS, help="only cases of this kind; may be repeated")
     run = _action(actions, "run", "diagnose the recordings; the labels stay shut", _run)
     run.add_argument("--engine", default="diagnose", metavar="NAME", help="who answers: diagnose, as the command does, or twin, the twin level alone (default diagnose)")
+    baselines = _action(actions, "baselines", "simpler methods answer, too, taught by a set with open labels", _baselines)
+    baselines.add_argument("--train", type=Path, required=True, metavar="DIR", help="a set of another seed, its labels in DIR/sealed")
     score = _action(actions, "score", "check the seal, open the labels, score the answers", _score)
-    for one in (make, run):
+    for one in (make, run, baselines):
         one.add_argument("--jobs", type=int, default=2, metavar="N", help="processes of this machine, 0: none but this (default 2)")
         one.add_argument("--scheduler", default="", metavar="ADDRESS", help="of a running Dask scheduler, tcp://HOST:PORT, in place of this machine")
     for one in (make, score):
@@ -105,21 +107,42 @@ def _failed(folder: Path, console: Console) -> dict[str, str]:
     return failed
 
 
+def _baselines(args: argparse.Namespace, console: Console) -> int:
+    from wineglass.blind import sealing
+    from wineglass.blind.baselines import running
+    from wineglass.blind.folders import Folders
+    from wineglass.errors import BadInput
+
+    folders, taught_by = _folders(args), Folders(args.train)
+    for one in (folders, taught_by):
+        one.need_root()
+    if folders.root.resolve() == taught_by.root.resolve():
+        raise BadInput("is the exam itself", args.train, "make a set with another seed to learn from")
+    total = sum(len(sealing.manifest(one.recordings)) for one in (folders, taught_by))
+    with console.progress("features", total=total) as bar:
+        names = running.run(folders, taught_by, _spread(args), bar.advance)
+    console.print(f"answered: {', '.join(names)}")
+    console.json({"engines": names})
+    return 0
+
+
 def _score(args: argparse.Namespace, console: Console) -> int:
     import json
 
     from wineglass.atomic import write_text
-    from wineglass.blind import scoring
+    from wineglass.blind import scoreboard, scoring
     from wineglass.console import plain
 
     folders = _folders(args)
     marks = scoring.marked(folders)
     found = scoring.scores(folders, marks)
     target = folders.root / scoring.SCORES
+    page = scoreboard.render(found, scoring.main_of(found))
     write_text(target, json.dumps(plain(found), indent=1, allow_nan=False) + "\n")
+    write_text(target.with_suffix(".html"), page)
     for engine, scores in found["engines"].items():
         _print(engine, scores, console)
-    console.print(f"written: {target}")
+    console.print(f"written: {target}, {target.with_suffix('.html')}")
     console.json(found)
     return 0
 
