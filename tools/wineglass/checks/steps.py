@@ -60,6 +60,7 @@ STEPS: tuple[Step, ...] = (
     _cmake("sanitize", "C tests under address and undefined-behaviour sanitizers"),
     _cmake("clang", "C tests, second compiler", "clang"),
     _pytest("python", "Python tools", "tests/python", "-n", "2", first=(TWIN_LIBRARY,)),
+    Step("blind", "a small set of the blind check: made, sealed, diagnosed, scored", (TWIN_LIBRARY, (PYTHON, "-P", "-m", "wineglass.checks.blind_set"))),
     Step("golden", "golden traces are what the code produces", (
         TWIN_LIBRARY,
         (PYTHON, "-P", str(ROOT / "tests/golden/regenerate.py")),
