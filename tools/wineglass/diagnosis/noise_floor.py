@@ -97,7 +97,7 @@ class FloorModel:
     def of_rate(self, channel: str, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Channel's density for a rate of that one-sided density [(rad/s)^2/Hz]; in-phase channels of the secondary axis only."""
         gain = self._rate_gain(channel) ** 2 * (self._filter_power(self.frequency_hz) if channel == RATE else 1.0)
-        return np.asarray(gain * self._rate_answer(self.frequency_hz) ** 2 * density(self.frequency_hz))
+        return np.asarray(gain * self.rate_answer(self.frequency_hz) ** 2 * density(self.frequency_hz))
 
     def _rate_gain(self, channel: str) -> float:
         """FS of the channel per rad/s at zero frequency, at the described amplitude."""
@@ -108,7 +108,7 @@ class FloorModel:
             return -amplitude / calibration.rebalance_scale_rad_s_per_ratio[0]
         return 1.0 if channel == RATE else 0.0
 
-    def _rate_answer(self, frequency_hz: np.ndarray) -> np.ndarray:
+    def rate_answer(self, frequency_hz: np.ndarray) -> np.ndarray:
         """Size of the answer to a rate, 1 at zero frequency; telemetry's means included."""
         means = np.sqrt(self._mean_power(frequency_hz))
         if self.loop == "rebalance":

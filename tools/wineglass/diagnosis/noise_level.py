@@ -121,7 +121,7 @@ def _telemetry(recording: Recording, device: Device | None, calibration: Calibra
         if "baseband" in recording:
             found, lines = seen.baseband()
             low = seen.rate(noise_spectra.LOW_LENGTH_S, noise_spectra.LOW_TO_HZ, lines)
-            bands = [*noise_spectra.without_low(found, noise_spectra.LOW_TO_HZ), *low] if low else found
+            bands = [*noise_spectra.without_low(found, noise_spectra.LOW_TO_HZ), *low]
         else:
             notes.append("no baseband: only the rate's own spectrum can be looked at, and no axis told from the other")
             lines = seen.rate_lines()

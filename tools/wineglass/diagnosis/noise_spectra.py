@@ -26,6 +26,8 @@ BANDS = 13
 FIRST_BIN, LAST_PART = 3.5, 0.49
 LOW_LENGTH_S, LOW_TO_HZ, LOW_ORDER = 10.24, 1.3, 5
 """of the rate's own windows, which reach down further: bias that wanders is slow, and the output filter keeps fast noise from folding there"""
+LEAST_ANSWER = 0.1
+"""of an open shell to a rate: where it hardly answers, what is slow in the output is something else"""
 SHAPE_PER_BIN = 0.8
 """gamma shape of one bin's power, tapers' overlap included; held against white noise by a test"""
 MODEL_ERROR, MODEL_ERROR_AT_1_HZ = 0.05, 0.1
@@ -130,7 +132,10 @@ def rate_bands(windows: Windows, device: Device, calibration: Calibration, slow:
         return []
     model = FloorModel(device, calibration, windows.tap.sample_rate_hz, windows.frequency_hz, calibration.loop)
     values = _filled(windows.tap, RATE) - slow.get(RATE, 0.0)
-    return [band for band in _bands(group, RATE, values, amplitude, model, lines[usual]) if band.high_hz <= to_hz]
+    found = [band for band in _bands(group, RATE, values, amplitude, model, lines[usual]) if band.high_hz <= to_hz]
+    if to_hz == math.inf:
+        return found
+    return [band for band in found if float(model.rate_answer(np.array([band.high_hz]))[0]) > LEAST_ANSWER]
 
 
 def without_low(bands: list[Band], from_hz: float) -> list[Band]:
