@@ -68,6 +68,11 @@ class Closed:
         return settings_of(self.unknowns, self.values)
 
     @property
+    def possible(self) -> bool:
+        """No strength stands at the end of what is physically possible."""
+        return all(u.low < v < u.high or v == 0.0 for u, v in zip(self.unknowns, self.values, strict=True) if u.role == "strength")
+
+    @property
     def places(self) -> list[int]:
         """Of nuisances and unknowns in the products: all of them."""
         return list(range(self.products.count))

@@ -8,9 +8,9 @@ import numpy as np
 from wineglass.recording import Tap
 
 WINDOW_S = 4.0
-TOO_SLOW_HZ = 0.6  # folded so near to zero the line cannot be told from what moves slowly
-CLEAR = 0.3  # of what else moves in the window: below that it is no line, or something else moves too much to see it
-CHANNELS = ("primary_in_phase", "primary_quadrature", "drive_frequency", "drive_level")
+TOO_SLOW_HZ = 3.0  # folded so near to zero the line cannot be told from what moves slowly
+CLEAR = 1.0  # of what else moves in the window: below that it is no line, or something else moves too much to see it
+CHANNELS = ("primary_in_phase", "primary_quadrature", "drive_frequency")
 
 
 def phase(tap: Tap) -> np.ndarray | None:

@@ -16,6 +16,7 @@ from wineglass.diagnosis.floors import ORDER, Floor
 FOLDS = 5
 TRANSIENT = 3e-4  # of the change from frame to frame: what the primary's channels are not to be believed to while a loop settles
 LEAST_NOISE, MOST_NOISE = 0.8, 1.3  # of the described floor; more may be a gap that moves fast
+MOVING = 5e-4  # of the change from frame to frame of the secondary: so far the twins are believed to follow what moves fast
 JUMP = 1e-3  # of the change from frame to frame, where the rate steps: recorded means do not say how the step went
 SETTLING = ("primary_in_phase", "drive_level", "drive_frequency")
 REDUNDANT = ("rate_uncompensated", "rate", "quadrature")
@@ -107,6 +108,7 @@ def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray
             noise = np.hypot(noise, TRANSIENT * moving)
         if name.startswith(("secondary", "rebalance")):
             change = np.abs(np.gradient(base[name]))
+            noise = np.hypot(noise, MOVING * np.maximum.reduce([np.roll(change, k) for k in range(-1, 3)]))
             doubt = np.where(jumps, JUMP * np.maximum(change, np.roll(change, 1)), 0.0)
             noise = np.hypot(noise, np.maximum.reduce([np.roll(doubt, k) for k in range(ORDER + 1)]))
         weight[i] = floor.innovation[i] / noise

@@ -37,6 +37,7 @@ SWITCHING = 12  # frames after the loop was opened or closed
 HELD_OUT_SLACK = 2.0  # energy: of noise alone
 STRONG, SETTLED_SETS = 1e4, 4  # energy beyond which an effect changes what the uncertain values do; so many sets are then closed again
 UNIT_ROUNDS, UNIT_STEP = 5, 0.01  # the unit is found when no value moves by more standard deviations
+FULL_ROUNDS, FULL_STEP = 3, 0.05  # of the full twin at the unit
 BEND = 0.03  # of the rate's span: a second difference beyond that is a step
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
@@ -102,10 +103,11 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}))
     pick = system.chosen(bench.names, floor)
     setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid))
-    bench = _settled(bench, setting)
-    driven = replace(driven, run=Run(driven.run.scenario, driven.run.device, bench.unit.device))
+    bench, _ = _settled(bench, setting, Frames(grid, bench.names, bench.nominal, np.ones_like(bench.nominal, bool)))
     advance()
-    base = _with_ideal_thermometer(full_twin(driven, grid), bench)
+    bench, base = _on_the_full_twin(bench, setting)
+    driven = replace(driven, run=Run(driven.run.scenario, driven.run.device, bench.unit.device))
+    bench.driven = driven
     advance()
     found = responses.respond(bench, without)
     advance()
@@ -143,22 +145,36 @@ class _Setting:
         return system.build(self.recorded, base, self.floor, names, self.edges_s, self.jumps, regressors(bench.driven, bench, base))
 
 
-def _settled(bench: Bench, setting: _Setting) -> Bench:
-    """The bench with the unit that fits the recording best within its tolerances, found on the envelope twin."""
+def _settled(bench: Bench, setting: _Setting, base: Frames) -> tuple[Bench, Frames]:
+    """The bench with the unit that fits the recording best within its tolerances, and the base moved to that unit as the envelope twin says.
+    base: frames of some twin of the bench's unit."""
     for _ in range(UNIT_ROUNDS):
-        own = Frames(bench.grid, bench.names, bench.nominal, np.ones_like(bench.nominal, bool))
-        built = setting.system(bench, own)
+        built = setting.system(bench, base)
         slopes = np.array([slope[setting.pick] for _, slope in responses.uncertainties(bench)])
         centre = np.concatenate([bench.unit.off, np.zeros(len(slopes) - len(bench.unit.off))])
         white = built.whiten(slopes)
         table = system.products(built, white, built.data + np.einsum("k,kcn->cn", centre, white))
         off = _within_tolerance(table, built, len(slopes))[: len(bench.unit.off)]
         unit = bench.unit.at(off)
-        step = float(np.max(np.abs(unit.off - bench.unit.off), initial=0.0))
-        if step < UNIT_STEP:
-            return bench
-        bench = Bench(bench.driven, bench.grid, bench.names, unit)
-    return bench
+        if float(np.max(np.abs(unit.off - bench.unit.off), initial=0.0)) < UNIT_STEP:
+            break
+        moved = Bench(bench.driven, bench.grid, bench.names, unit)
+        values = base.values.copy()
+        for i, name in enumerate(bench.names):
+            values[base.names.index(name)] += moved.nominal[i] - bench.nominal[i]
+        bench, base = moved, Frames(base.grid, base.names, values, base.use)
+    return bench, base
+
+
+def _on_the_full_twin(bench: Bench, setting: _Setting) -> tuple[Bench, Frames]:
+    """The unit again, with the full twin run at it; once more where it then moved, as the envelope twin is a little off."""
+    for _ in range(FULL_ROUNDS):
+        ran = bench.unit.off
+        base = _with_ideal_thermometer(full_twin(bench.driven, bench.grid, truth=bench.unit.device), bench)
+        bench, base = _settled(bench, setting, base)
+        if float(np.max(np.abs(bench.unit.off - ran), initial=0.0)) < FULL_STEP:
+            break
+    return bench, base
 
 
 def _within_tolerance(table: system.Products, built: System, count: int) -> np.ndarray:
@@ -166,7 +182,7 @@ def _within_tolerance(table: system.Products, built: System, count: int) -> np.n
     softening = np.ones(len(built.names))
     for _ in range(4):
         fitted = explain.explained(table, softening, count, [], (), 0.0)
-        softening = 1.0 + np.maximum(0.0, fitted.left - built.n_rows) / FREEDOM
+        softening = np.maximum(1.0, fitted.left / np.maximum(built.n_rows, 1))
     return fitted.coefficients
 
 
@@ -179,12 +195,12 @@ def _hold_out(closed: list[Closed], held_none: np.ndarray, softening: np.ndarray
     for entry in closed:
         whole = frozenset(entry.support)
         parts = [whole - {effect} for effect in entry.support]
-        entry.earned = all(energy[whole] < energy[part] + HELD_OUT_SLACK for part in parts if part in energy)
+        entry.earned = entry.possible and all(energy[whole] < energy[part] + HELD_OUT_SLACK for part in parts if part in energy)
 
 
 def _with_ideal_thermometer(base: Frames, bench: Bench) -> Frames:
     """The envelope's thermometer has no codes: the steps of the full twin's are noise."""
-    if "temperature_measured" not in base.names:
+    if "temperature_measured" not in base.names or "temperature_measured" not in bench.names:
         return base
     values = base.values.copy()
     values[base.names.index("temperature_measured")] = bench.nominal[bench.names.index("temperature_measured")]

@@ -21,6 +21,7 @@ from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, s
 
 COMPUTED_BY = "full twin with the effects added, firmware in the loop"
 UNKNOWN_ABOVE = 0.5
+LEAST_REMOVED = 0.2  # of the held-out gap
 PLACES = {"primary_in_phase": ("primary", "level"), "primary_quadrature": ("primary", "quadrature"), "drive_frequency": ("primary", "frequency"),
           "drive_level": ("primary", "level"), "secondary_in_phase": ("coupling", "in_phase"), "secondary_quadrature": ("coupling", "quadrature"),
           "rebalance_in_phase": ("coupling", "in_phase"), "rebalance_quadrature": ("coupling", "quadrature"), "rate": ("coupling", "in_phase"),
@@ -68,6 +69,17 @@ def decide(found: TwinAnalysis, weighed: Hypotheses) -> Outcome:
     return Outcome("ambiguous", [named[0], max(rivals, key=lambda ids: weighed.probability[ids], default=(OTHER,))], chosen)
 
 
+def _held_to_the_gap(outcome: Outcome, confirmed: Confirmed, weighed: Hypotheses, noise: NoiseEvidence | None) -> Outcome:
+    """What no channel shows on held-out data is no gap; what an explanation does not remove there, it does not explain."""
+    if outcome.verdict == "no_gap" or (noise is not None and noise.named):
+        return outcome
+    if confirmed.total.fraction is None:
+        return Outcome("no_gap", [], None)
+    if outcome.verdict != "unknown" and confirmed.total.fraction < LEAST_REMOVED:
+        return Outcome("unknown", [], outcome.chosen)
+    return outcome
+
+
 @dataclass(frozen=True)
 class Verdict:
     """The diagnosis, and what the report draws beside it."""
@@ -80,6 +92,7 @@ class Verdict:
 def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | None, source: Source) -> Verdict:
     outcome = decide(found, weighed)
     confirmed = confirmation.confirm(found, outcome.chosen)
+    outcome = _held_to_the_gap(outcome, confirmed, weighed, noise)
     listed = _hypotheses(weighed)
     named = _effects(found, outcome, confirmed, listed, noise)
     diagnosis = Diagnosis(
@@ -216,8 +229,9 @@ def _where(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, named: l
     entries = [_named_place(found, changes, named, place, share) for place, share in places.items()]
     entries += _traces(found, named, slow, noise, rest)
     if outcome.verdict == "unknown":
-        entries += _unexplained(found, outcome, changes, rest)
-    return sorted(entries, key=lambda w: -w.share)
+        entries += _unexplained(found, outcome, changes, rest if len(entries) == len(places) else 0.0)
+    total = max(1.0, sum(w.share for w in entries))
+    return sorted((w.model_copy(update={"share": w.share / total}) for w in entries), key=lambda w: -w.share)
 
 
 def _traces(found: TwinAnalysis, named: list[EffectFound], slow: set[str], noise: NoiseEvidence | None, rest: float) -> list[Where]:
