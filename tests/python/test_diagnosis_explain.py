@@ -1,0 +1,69 @@
+"""Evidence of the twin-level engine against the same model written as one Gaussian density; supports on made-up channels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from wineglass.diagnosis import explain, system
+from wineglass.diagnosis.channels import Grid
+from wineglass.diagnosis.floors import ORDER, Floor
+from wineglass.diagnosis.system import FOLDS, System
+
+SEED = 5
+N = 60
+
+
+def made(rng: np.random.Generator, data: np.ndarray) -> System:
+    floor = Floor(np.ones(2), np.ones(2), np.zeros((2, ORDER)))
+    basis = tuple(np.linalg.qr(rng.standard_normal((N, 3)))[0] for _ in range(2))
+    return System(Grid(1.0, 0, N), ("a", "b"), floor, np.ones((2, N)), np.arange(N) * FOLDS // N, basis, data)
+
+
+def test_log_evidence_is_that_of_one_gaussian_density() -> None:
+    rng = np.random.default_rng(SEED)
+    columns, data = rng.standard_normal((4, 2, N)), 2.0 * rng.standard_normal((2, N))
+    table = system.products(made(rng, data), columns)
+    flat = columns.reshape(4, -1)
+    for places in ([], [0], [0, 2, 3]):
+        found = explain.explained(table, np.ones(2), 1, places[1:], (), 0.0) if places else None
+        used = flat[[0, *places[1:]]] if places else flat[:1]
+        found = found or explain.explained(table, np.ones(2), 1, [], (), 0.0)
+        density = multivariate_normal(np.zeros(2 * N), np.eye(2 * N) + used.T @ used).logpdf(data.ravel())
+        assert found.log_evidence == pytest.approx(density + N * np.log(2.0 * np.pi), abs=1e-4)
+
+
+def test_softening_divides_a_channels_information() -> None:
+    rng = np.random.default_rng(SEED)
+    columns, data = rng.standard_normal((2, 2, N)), rng.standard_normal((2, N))
+    table = system.products(made(rng, data), columns)
+    halved = explain.explained(table, np.array([1.0, 4.0]), 0, [0, 1], (), 0.0)
+    scaled = np.array([1.0, 0.5])[None, :, None] * columns
+    other = explain.explained(system.products(made(rng, data * np.array([[1.0], [0.5]])), scaled), np.ones(2), 0, [0, 1], (), 0.0)
+    assert halved.coefficients == pytest.approx(other.coefficients, rel=1e-6)
+
+
+def test_a_held_out_fold_is_never_fitted_on_itself() -> None:
+    rng = np.random.default_rng(SEED)
+    columns, data = rng.standard_normal((1, 2, N)), rng.standard_normal((2, N))
+    built = made(rng, data)
+    left = explain.held_out(system.products(built, columns), np.ones(2), [0])
+    for fold in range(FOLDS):
+        here = built.fold == fold
+        x, y = columns[0][:, ~here].ravel(), data[:, ~here].ravel()
+        coefficient = x @ y / (x @ x + 1.0)
+        expected = np.sum((data[:, here] - coefficient * columns[0][:, here]) ** 2, axis=1)
+        assert left[fold] == pytest.approx(expected, rel=1e-6)
+
+
+def test_generic_discrepancy_is_worth_nothing_in_noise_and_much_in_a_signal() -> None:
+    rng = np.random.default_rng(SEED)
+    noise = rng.standard_normal((2, N))
+    built = made(rng, noise)
+    quiet = explain.explained(system.products(built, np.zeros((0, 2, N))), np.ones(2), 0, [], (), 0.0)
+    loud = noise + 20.0 * np.stack([built.basis[0][:, 0], np.zeros(N)])
+    found = explain.explained(system.products(System(built.grid, built.names, built.floor, built.weight, built.fold, built.basis, loud),
+                                              np.zeros((0, 2, N))), np.ones(2), 0, [], (), 0.0)
+    assert quiet.log_generic < 0.5
+    assert found.log_generic > 100.0
