@@ -37,6 +37,8 @@ LARGEST_SUPPORT = 2
 ENOUGH = 100.0
 """nats: beyond this certainty is certainty, and sums stay comparable"""
 SURE = 6.0
+ECHO = 100.0
+"""height of a line as far as the primary can show it"""
 ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermometer_quantisation")
 """effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
 OTHER_PENALTY = 4.0
@@ -145,7 +147,8 @@ class _Seen:
         windows = self._quiet(tap, noise_windows.LENGTH_S, noise_windows.ORDER)
         model = FloorModel(self._device, self._calibration, tap.sample_rate_hz, windows.frequency_hz, self._calibration.loop)
         lines = noise_lines.find(windows, self._calibration, model)
-        return noise_spectra.bands_of(windows, self._device, self._calibration, self._slow, noise_lines.taken(lines, windows)), lines
+        taken = noise_lines.taken(lines, windows), noise_lines.taken(lines, windows, highest=ECHO)
+        return noise_spectra.bands_of(windows, self._device, self._calibration, self._slow, *taken), lines
 
     def rate_lines(self) -> Lines | None:
         if "output" not in self._recording or "rate" not in self._recording.tap("output"):

@@ -80,9 +80,9 @@ def find_in_rate(windows: Windows, model: FloorModel) -> Lines:
     return Lines({"vibration": line, "interference": tone}, len(windows), ["a line in the rate alone may be a vibration as well as a tone"])
 
 
-def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, least: float = 6.0) -> np.ndarray:
+def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, highest: float = math.inf, least: float = 6.0) -> np.ndarray:
     """Bins (n, length // 2) of each window that the best line, if there is one, stands on; a tone moves with the oscillator's frequency, which is in
-    the tap `carrier`, and its own square falls on twice its distance."""
+    the tap `carrier`, and its own square falls on twice its distance. highest: taken for a stronger line's height, too."""
     bins = windows.frequency_hz
     found = np.zeros((len(windows), len(bins)), bool)
     real = [line for line in lines.best.values() if line.log_evidence > least]
@@ -92,7 +92,7 @@ def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, least: flo
     place, wander = np.full(len(windows), line.frequency_hz), np.zeros(len(windows))
     if line.kind == "interference":
         place, wander = _distance_hz(line.frequency_hz, windows, windows.tap if carrier is None else carrier)
-    reach = max(4.5, 1.3 * (line.height / 0.03) ** 0.25)  # the tapers' sides fall with the fourth power
+    reach = max(4.5, 2.5 * (min(line.height, highest) / 0.03) ** 0.25)  # the tapers' sides fall with the fourth power
     width = reach * windows.tap.sample_rate_hz / windows.length
     for times in (1.0, 2.0, 3.0) if line.height > 100.0 else (1.0,):
         found |= np.abs(bins - _folded(times * place, windows.tap.sample_rate_hz)[:, None]) < (width + 0.5 * times * wander)[:, None]

@@ -100,9 +100,10 @@ class SpectralEvidence:
 # ---- bands -----------------------------------------------------------------------------------------------------------------------
 
 
-def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: dict[str, np.ndarray], lines: np.ndarray) -> list[Band]:
+def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: dict[str, np.ndarray], lines: np.ndarray,
+             echoes: np.ndarray) -> list[Band]:
     """All usable bands. slow: what another model predicts of channels' slow content, by name, at the baseband's samples;
-    lines: bins of each window that a line stands on, (n, m) bool."""
+    lines: bins of each window that a line stands on, (n, m) bool; echoes: those on which the primary shows it, through coupling."""
     tap = windows.tap
     found: list[Band] = []
     loop = calibration.loop
@@ -118,7 +119,7 @@ def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: d
         for channel in (*PRIMARY, *axis):
             if channel in tap:
                 values = _filled(tap, channel) - slow.get(channel, 0.0)
-                taken = images[chosen] | (lines[chosen] if channel in axis else False)
+                taken = images[chosen] | (lines[chosen] if channel in axis else echoes[chosen])
                 found += _bands(group, channel, values, float(amplitude), model, taken)
     return found
 
