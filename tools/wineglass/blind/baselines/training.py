@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from wineglass.blind.extra import need
-from wineglass.blind.marks import truth_of
 from wineglass.blind.sheet import NULLS, Sheet
 
 LEAST_NULLS = 8
@@ -71,6 +70,15 @@ def _group(features: np.ndarray, sheets: list[Sheet]) -> Group:
     values, vectors = np.linalg.eigh(fitted.covariance_)
     whiten = vectors / np.sqrt(np.maximum(values, 1e-6))
     group = Group(middle, scale, whiten, (), np.zeros((0, features.shape[1])))
-    singles = [(truth_of(sheet), group.white(row)) for row, sheet in zip(features, sheets) if sheet.tier == "single"]
-    rows = [row / max(float(np.linalg.norm(row)), 1e-12) for _, row in singles]
-    return Group(middle, scale, whiten, tuple(ids for ids, _ in singles), np.array(rows).reshape(-1, features.shape[1]))
+    ids, signatures = _signatures(group.white(features), sheets)
+    return Group(middle, scale, whiten, ids, signatures)
+
+
+def _signatures(white: np.ndarray, sheets: list[Sheet]) -> tuple[tuple[frozenset[str], ...], np.ndarray]:
+    """One direction per variant: the one that its singles share, whatever their signs."""
+    rows: dict[tuple[str, str], list[np.ndarray]] = {}
+    for row, sheet in zip(white, sheets):
+        if sheet.tier == "single":
+            rows.setdefault((sheet.effects[0].id, sheet.effects[0].variant), []).append(row)
+    found = [np.linalg.svd(np.array(each), full_matrices=False)[2][0] for each in rows.values()]
+    return tuple(frozenset({id}) for id, _ in rows), np.array(found).reshape(-1, white.shape[1])
