@@ -109,7 +109,9 @@ def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray
         if name.startswith(("secondary", "rebalance")):
             change = np.abs(np.gradient(base[name]))
             noise = np.hypot(noise, MOVING * np.maximum.reduce([np.roll(change, k) for k in range(-1, 3)]))
-            doubt = np.where(jumps, JUMP * np.maximum(change, np.roll(change, 1)), 0.0)
+            axis = name.split("_")[0]
+            both = np.maximum(*(np.abs(np.gradient(base[n])) if n in base.names else change for n in (f"{axis}_in_phase", f"{axis}_quadrature")))
+            doubt = np.where(jumps, JUMP * np.maximum(both, np.roll(both, 1)), 0.0)
             noise = np.hypot(noise, np.maximum.reduce([np.roll(doubt, k) for k in range(ORDER + 1)]))
         weight[i] = floor.innovation[i] / noise
     return weight
