@@ -1,10 +1,12 @@
 """Scores of answers written by hand, counted by hand."""
 
 import math
+import re
 
 import blind_sets as sets
 import pytest
 
+from wineglass import cli
 from wineglass.blind import gating, scores, scoring
 from wineglass.blind.marks import mark
 
@@ -86,6 +88,21 @@ def test_a_set_counted_by_hand(tmp_path):
     assert found["confusion"] == {"ageing": {"ageing": 1, "error": 1}, "clock_error": {"ageing": 1}}
     assert found["by_snr"]["0 to 3"]["cases"] == 1 and found["by_snr"]["10 to 50"]["cases"] == 3
     assert [one["case"] for one in found["worst"]][:2] == ["case_0006", "case_0004"]
+
+
+def test_the_scoreboard_needs_nothing_else(tmp_path):
+    folders = sets.sealed_set(tmp_path / "set", [sets.label(single(), 50.0)])
+    for engine in ("diagnose", "twin"):
+        sets.answer(folders, "case_0001", sets.diagnosis("attributed", *SURE, named=("ageing",), place="coupling", fraction=0.99), engine)
+    assert cli.main(["--quiet", "blind", "score", str(folders.root)]) == 0
+    page = (folders.root / "scores.html").read_text()
+    assert page.count("<svg") == 5 and "Beside the baselines" in page and "case_0001" not in page  # nothing was wrong
+    assert not re.search(r'(src|href)="(?!#|data:)', page) and "<script" not in page and "@import" not in page
+
+
+def test_snr_bins_stand_in_order():
+    found = scores.score([marked(single(), sets.diagnosis("no_gap", (1.0, "none"), (0.0, "other")), snr) for snr in (2000.0, 20.0, 1.0, 5.0, 60.0, 300.0)])
+    assert list(found["by_snr"]) == ["0 to 3", "3 to 10", "10 to 50", "50 to 200", "200 to 1000", "from 1000"]
 
 
 def test_baselines_get_the_same_share_of_false_gaps():

@@ -7,6 +7,8 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+from wineglass.blind.scores import bin_start
+
 COLOURS = ("#00798c", "#d1495b", "#edae49", "#6d597a", "#66a182", "#9a9a9a", "#2e4057", "#b08968")
 STYLE = {"font.size": 10, "font.family": "sans-serif", "axes.grid": True, "grid.alpha": 0.3, "axes.spines.top": False, "axes.spines.right": False,
          "legend.frameon": False, "svg.fonttype": "none", "svg.hashsalt": "wineglass"}
@@ -98,7 +100,7 @@ def by_snr(engines: dict[str, dict[str, Any]]) -> str:
     def plot(figure: Any) -> None:
         for axis, score in zip(figure.subplots(1, 2, sharey=True), ("truth_in_set", "unique_and_wrong")):
             for colour, (name, scores) in zip(COLOURS, engines.items()):
-                bins = sorted((key for key in scores["by_snr"] if scores["by_snr"][key][score]["n"]), key=_start)
+                bins = sorted((key for key in scores["by_snr"] if scores["by_snr"][key][score]["n"]), key=bin_start)
                 axis.plot(bins, [scores["by_snr"][key][score]["value"] for key in bins], "o-", ms=4, lw=1.2, color=colour, label=name)
             axis.set(title=score.replace("_", " "), xlabel="SNR of the gap", ylim=(-0.03, 1.03))
             axis.tick_params(axis="x", labelrotation=30, labelsize=8)
@@ -111,10 +113,6 @@ def _columns(table: dict[str, dict[str, int]]) -> list[str]:
     """Effects in the rows' order first, then the other answers."""
     said = {answer for row in table.values() for answer in row}
     return [name for name in table if name in said] + sorted(said - set(table))
-
-
-def _start(snr_bin: str) -> float:
-    return float(snr_bin.removeprefix("from ").split(" ")[0])
 
 
 def svg(plot: Callable[[Any], None], width: float, height: float, label: str) -> str:

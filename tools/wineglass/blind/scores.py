@@ -20,7 +20,7 @@ def score(marks: list[Mark]) -> dict[str, Any]:
         "cases": len(marks), "failed": {one.case: one.error for one in marks if one.error}, "cpu_s": sum(one.cpu_s for one in marks),
         "clear": figures(clear), "all": figures(marks),
         "by_tier": _by(marks, lambda one: one.sheet.tier), "by_protocol": _by(clear, lambda one: one.sheet.protocol),
-        "by_loop": _by(clear, lambda one: one.sheet.loop), "by_snr": _by((one for one in marks if not one.null), snr_bin),
+        "by_loop": _by(clear, lambda one: one.sheet.loop), "by_snr": dict(sorted(_by((one for one in marks if not one.null), snr_bin).items(), key=lambda item: bin_start(item[0]))),
         "reliability": [{"confidence": one.confidence, "right": one.right.plain()} for one in
                         reliability([one.confidence for one in clear], [one.right for one in clear])],
         "risk_over_coverage": _risk(clear), "confusion": confusion(clear), "detection": limits.curves(marks),
@@ -57,6 +57,10 @@ def figures(marks: list[Mark]) -> dict[str, Any]:
 def snr_bin(one: Mark) -> str:
     low, high = next((low, high) for low, high in zip(SNR_EDGES, SNR_EDGES[1:]) if low <= one.snr < high)
     return f"{low:g} to {high:g}" if high < float("inf") else f"from {low:g}"
+
+
+def bin_start(name: str) -> float:
+    return float(name.removeprefix("from ").split(" ")[0])
 
 
 def confusion(marks: Iterable[Mark]) -> dict[str, dict[str, int]]:
