@@ -11,7 +11,7 @@ import numpy as np
 
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.closure import Closed
-from wineglass.diagnosis.explain import posterior_mean
+from wineglass.diagnosis.explain import posterior_mean, within
 from wineglass.diagnosis.system import FOLDS, Products, products
 from wineglass.diagnosis.twin_level import FREEDOM, TwinAnalysis, full_twin
 
@@ -19,6 +19,7 @@ DRAWS = 400
 PIECES = 15
 SEED = 22
 FLOOR_KNOWN = 1.1  # the floor's variance comes from a short run: it is known to a tenth
+TOLERATED = 3.0  # standard deviations: further off than that is no tolerance
 TRUSTED = 0.3  # frames with less weight than that are left out of the rms: there the twin is not believed
 
 
@@ -53,7 +54,7 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
     recorded, base = _channels(found, found.recorded), _channels(found, found.base)
     nuisance = found.responses.values[list(found.responses.nuisances)][:, found.pick, :]
     centre = found.responses.centre
-    before = recorded - base - _folded(found, found.table, list(range(len(nuisance))), nuisance, centre)
+    before = recorded - base - _folded(found, found.table, list(range(len(nuisance))), nuisance, centre, TOLERATED)
     after, polished = before, None
     if chosen is not None:
         left = recorded - _with_effects(found, chosen, base)
@@ -106,12 +107,12 @@ def _estimate(found: TwinAnalysis, chosen: Closed, polished: Products) -> tuple[
     return middle + coefficients[first:] * spread, covariance * np.outer(spread, spread)
 
 
-def _folded(found: TwinAnalysis, products: Products, places: list[int], columns: np.ndarray, fixed: np.ndarray) -> np.ndarray:
-    """(channels, n): columns times (coefficients fitted without a frame's own fold, less `fixed`)."""
+def _folded(found: TwinAnalysis, products: Products, places: list[int], columns: np.ndarray, fixed: np.ndarray, limit: float | None = None) -> np.ndarray:
+    """(channels, n): columns times (coefficients fitted without a frame's own fold, less `fixed`). limit: none may be larger."""
     total = np.zeros(columns.shape[1:])
     for fold in range(FOLDS):
         gram = products.pooled(found.softening, [f for f in range(FOLDS) if f != fold])
-        coefficients, _ = posterior_mean(gram, places)
+        coefficients = posterior_mean(gram, places)[0] if limit is None else within(gram, places, limit)
         here = found.system.fold == fold
         total[:, here] = np.einsum("k,kcn->cn", coefficients - fixed, columns[:, :, here])
     return total

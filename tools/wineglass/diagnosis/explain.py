@@ -22,6 +22,7 @@ from wineglass.diagnosis.system import FOLDS, Products
 FORM = 0.03
 INCLUSION = 0.02
 GENERIC_PRIOR = 0.003  # that a channel holds a discrepancy of no known kind
+FLOOR_KNOWN = 1.15  # the floor's variance comes from a short run: it is known to a seventh
 GENERIC_SIZES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 KEPT_VARIANTS = 2
 KEPT_PAIRS = 40
@@ -70,9 +71,29 @@ def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, flo
     return cho_solve(factor, gram[places, -1] / size) / size, determinant
 
 
+def within(gram: np.ndarray, places: list[int], limit: float) -> np.ndarray:
+    """Coefficients of `places` that stay within +-limit standard deviations: what goes beyond is held there, and the others are solved again."""
+    free, held = list(range(len(places))), np.zeros(len(places))
+    for _ in range(len(places)):
+        reduced = gram.copy()
+        reduced[:, -1] -= gram[:, places] @ held
+        solution, _ = posterior_mean(reduced, [places[i] for i in free])
+        beyond = [i for i, value in zip(free, solution, strict=True) if abs(value) > limit]
+        if not beyond:
+            held[free] = solution
+            return held
+        for i, value in zip(free, solution, strict=True):
+            if i in beyond:
+                held[i] = np.copysign(limit, value)
+        free = [i for i in free if i not in beyond]
+        if not free:
+            break
+    return held
+
+
 def _generic(projection: np.ndarray, softening: float) -> float:
     """Log of (1 - p) + p BF for one channel, with BF averaged over sizes of the discrepancy."""
-    energy = float(projection @ projection) / softening
+    energy = float(projection @ projection) / softening / FLOOR_KNOWN
     size = np.array(GENERIC_SIZES) ** 2
     factors = -0.5 * len(projection) * np.log1p(size) + 0.5 * size / (1.0 + size) * energy
     log_factor = float(np.logaddexp.reduce(factors)) - np.log(len(size))

@@ -26,6 +26,7 @@ NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference")
 """Effects whose mean over a frame is nothing: diagnosis/noise_level.py looks for them."""
 STEP_S = 0.04  # of the envelope twin
 SLOPE_STEP = 0.02  # standard deviations
+WANDER_TERMS = 24
 REACH = 10.0  # prior of a strength: so many times its typical size
 OFFSET_S = 1e-3  # between the clocks of rate table and device
 SHELL_OFFSET_DEGC = 0.05  # of a bench's shell thermometer
@@ -148,6 +149,25 @@ def uncertainties(bench: Bench, settings: Sequence[Setting] = (), unit: Unit | N
         found.append(("shell reference", bench.run(settings, shell_offset_degc=SHELL_OFFSET_DEGC) - at))
     if bench.driven.rate_known:
         found.append(("clock of the rate table", np.gradient(at, bench.grid.frame_s, axis=1) * OFFSET_S))
+    return [*found, *_wander(bench)]
+
+
+def _wander(bench: Bench) -> list[tuple[str, np.ndarray]]:
+    """What the description's noise floors allow a healthy device to wander: cosines over the record, each channel's rms as described."""
+    device = bench.driven.run.device
+    floor, resonator = device.noise_floor, device.resonator
+    scale = 2.0 * float(resonator.decay_rate_at(resonator.reference_temperature_degc)) / resonator.angular_gain
+    bias = floor.rate_bias_instability_rad_s * device.firmware.amplitude_fs
+    sizes = {"temperature_measured": floor.temperature_degc, "drive_frequency": 1e-6 * floor.frequency_ppm * resonator.frequency_hz,
+             "drive_level": floor.drive_level_relative / device.electronics.dac.drive_reach, "secondary_in_phase": bias / scale}
+    n, found = bench.grid.count, []
+    waves = np.cos(np.pi * np.outer(np.arange(1, WANDER_TERMS + 1), np.arange(n) + 0.5) / n)
+    for name, size in sizes.items():
+        if name in bench.names and size > 0.0:
+            for k, wave in enumerate(waves):
+                column = np.zeros((len(bench.names), n))
+                column[bench.names.index(name)] = size * np.sqrt(2.0 / WANDER_TERMS) * wave
+                found.append((f"wander of {name} {k + 1}", column))
     return found
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from wineglass.device import Device, Tolerance
 from wineglass.errors import BadInput
 
-FARTHEST = 4.0
+FARTHEST = 3.0
 
 
 @dataclass(frozen=True)
