@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.optimize import lsq_linear
 
 from wineglass.diagnosis.responses import Responses, Variant
 from wineglass.diagnosis.system import FOLDS, Products
@@ -72,23 +73,12 @@ def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, flo
 
 
 def within(gram: np.ndarray, places: list[int], limit: float) -> np.ndarray:
-    """Coefficients of `places` that stay within +-limit standard deviations: what goes beyond is held there, and the others are solved again."""
-    free, held = list(range(len(places))), np.zeros(len(places))
-    for _ in range(len(places)):
-        reduced = gram.copy()
-        reduced[:, -1] -= gram[:, places] @ held
-        solution, _ = posterior_mean(reduced, [places[i] for i in free])
-        beyond = [i for i, value in zip(free, solution, strict=True) if abs(value) > limit]
-        if not beyond:
-            held[free] = solution
-            return held
-        for i, value in zip(free, solution, strict=True):
-            if i in beyond:
-                held[i] = np.copysign(limit, value)
-        free = [i for i in free if i not in beyond]
-        if not free:
-            break
-    return held
+    """Coefficients of `places` that stay within +-limit standard deviations: bounded least squares, priors included."""
+    part = gram[np.ix_(places, places)]
+    size = np.sqrt(np.maximum(np.diagonal(part), 1e-12))
+    factor = np.linalg.cholesky(part / np.outer(size, size) + np.diag(1.0 / size**2 + JITTER))
+    target = solve_triangular(factor, gram[places, -1] / size, lower=True)
+    return lsq_linear(factor.T, target, bounds=(-limit * size, limit * size)).x / size
 
 
 def _generic(projection: np.ndarray, softening: float) -> float:

@@ -135,7 +135,7 @@ def _hypotheses(weighed: Hypotheses) -> list[Hypothesis]:
 def _effects(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, listed: list[Hypothesis], noise: NoiseEvidence | None
              ) -> list[EffectFound]:
     named = sorted({e for ids in outcome.named for e in ids if e in EFFECTS})
-    shares = {e: s for ids in reversed(outcome.named) for e, s in _shares(found, found.closed_for(ids)).items()}
+    shares = {e: s for ids in reversed(outcome.named) for e, s in _shares(found, found.closed_for(ids), confirmed).items()}
     total = max(1.0, sum(shares.get(e, 0.0) for e in named))
     result = []
     for name in named:
@@ -149,13 +149,11 @@ def _effects(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, listed
     return sorted(result, key=lambda e: -e.confidence)
 
 
-def _shares(found: TwinAnalysis, closed: Closed | None) -> dict[str, float]:
-    """Share of the gap's energy that each effect of an explanation carries."""
-    if closed is None:
+def _shares(found: TwinAnalysis, closed: Closed | None, confirmed: Confirmed) -> dict[str, float]:
+    """Share of the gap's energy that each effect of an explanation carries: what the confirmed one removes, divided as their responses are."""
+    if closed is None or confirmed.total.fraction is None:
         return {}
-    gone = float(np.sum((found.none.left - closed.entry.left) / found.softening))
-    gap = float(np.sum((found.none.left - found.system.n_rows) / found.softening))
-    whole = min(1.0, max(0.0, gone / gap)) if gap > 0.0 else 0.0
+    whole = 1.0 - (1.0 - min(1.0, max(0.0, confirmed.total.fraction))) ** 2
     energies = {effect: float(np.sum(np.sum(part**2, axis=1) / found.softening)) for effect, part in contributions(found, closed).items()}
     total = sum(energies.values())
     return {effect: whole * energy / total for effect, energy in energies.items()} if total > 0.0 else {}
