@@ -121,7 +121,8 @@ class Closer:
         self.ground, self.nuisance = ground, self.system.whiten(ground.raw)
         self._data = self.system.data + np.einsum("k,kcn->cn", ground.centre, self.nuisance)
         self._flat = self.nuisance.reshape(len(self.nuisance), -1)
-        self._factor = cho_factor(self._flat @ self._flat.T + np.eye(len(self.nuisance)))
+        self._gram = self._flat @ self._flat.T
+        self._factor = cho_factor(self._gram + np.eye(len(self.nuisance)))
 
     def settle(self, closed: Closed) -> Closed:
         """Closed again together with the unit: what the tolerances and the effects share goes to where their priors want it, and what is
@@ -161,16 +162,15 @@ class Closer:
 
     def cost_of(self, closed: Closed) -> float:
         """Half the energy left plus the priors'."""
-        return self._solution(closed.products)[1]
+        return self._solution(closed.products.pooled(np.ones(len(self.system.names))))[1]
 
     def _search(self, support: Support, variants: tuple[Variant, ...], unknowns: list[Unknown], values: np.ndarray, jacobian: np.ndarray) -> Closed:
         spread, middle = np.array([u.spread for u in unknowns]), np.array([u.middle for u in unknowns])
         response = self._respond(unknowns, values)
         cost = self._cost(response, (values - middle) / spread)
         runs, stride, fresh = 1, 1.0, False
-        found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
         while runs < RUNS:
-            solution, promised_cost = self._solution(found)
+            solution, promised_cost = self._solution(self._whole(jacobian * spread[:, None, None], response, (values - middle) / spread))
             promised = cost - promised_cost
             trial = _within(unknowns, values + stride * (middle + solution * spread - values))
             if promised < ENOUGH or stride < 0.02 or np.all(np.abs(trial - values) < NEGLIGIBLE * spread):
@@ -192,7 +192,7 @@ class Closer:
             else:
                 jacobian, fresh = self._differences(unknowns, values, response), True
                 runs += len(unknowns)
-            found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
+        found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
         return Closed(support, variants, unknowns, values, jacobian, response, self.ground, found, runs)
 
     def _respond(self, unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
@@ -216,10 +216,17 @@ class Closer:
         data = self._data - self.system.whiten(response) + np.einsum("kcn,k->cn", columns, at)
         return products(self.system, np.concatenate([self.nuisance, columns]), data)
 
-    def _solution(self, found: Products) -> tuple[np.ndarray, float]:
+    def _whole(self, jacobian: np.ndarray, response: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """The products of `_linear` over all folds and channels, without their parts: (m + k + 1, m + k + 1)."""
+        columns = self.system.whiten(jacobian).reshape(len(jacobian), -1)
+        data = (self._data - self.system.whiten(response)).ravel() + at @ columns
+        rows = np.concatenate([columns, data[None]])
+        across = self._flat @ rows.T
+        return np.block([[self._gram, across], [across.T, rows @ rows.T]])
+
+    def _solution(self, gram: np.ndarray) -> tuple[np.ndarray, float]:
         """Where the linear system has its best point, in spreads from the middle, and the cost there."""
-        gram = found.pooled(np.ones(len(self.system.names)))
-        coefficients, _ = posterior_mean(gram, list(range(found.count)))
+        coefficients, _ = posterior_mean(gram, list(range(len(gram) - 1)))
         return coefficients[len(self.nuisance):], 0.5 * float(gram[-1, -1] - gram[:-1, -1] @ coefficients)
 
     def _cost(self, response: np.ndarray, at: np.ndarray) -> float:
