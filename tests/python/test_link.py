@@ -100,7 +100,7 @@ def expect_equal_where_known(recorded, simulated):
 
 
 def test_a_recorded_socket_equals_the_simulation(simulated, tmp_path):
-    with Served(tmp_path / "gyro.sock", prepared()) as served, open_port(str(served.path)) as port:
+    with Served(tmp_path / "gyro.sock", prepared(), speed=3.0) as served, open_port(str(served.path)) as port:
         done = record(port, tmp_path / "run.h5", LiveOptions())
     recorded = Recording.open(tmp_path / "run.h5")
     assert done.ended == "the connection was closed" and done.lost_frames == 0 and done.warnings == []
@@ -111,7 +111,7 @@ def test_a_recorded_socket_equals_the_simulation(simulated, tmp_path):
 
 
 def test_damaged_and_lost_bytes_become_masked_samples(simulated, tmp_path):
-    with Served(tmp_path / "gyro.sock", prepared(), byte_errors=1e-3) as served, open_port(str(served.path)) as port:
+    with Served(tmp_path / "gyro.sock", prepared(), speed=3.0, byte_errors=1e-3) as served, open_port(str(served.path)) as port:
         done = record(port, tmp_path / "run.h5", LiveOptions())
     recorded = Recording.open(tmp_path / "run.h5")
     lost = {name: int(recorded.tap(name).lost.sum()) for name in ("baseband", "output")}
@@ -348,7 +348,7 @@ def test_commands_reach_the_served_device(tmp_path):
 def test_the_served_bytes_are_the_twin_s(tmp_path):
     run = prepared(1.0)
     received = b""
-    with Served(tmp_path / "gyro.sock", run) as served, open_port(str(served.path)) as port:
+    with Served(tmp_path / "gyro.sock", run, speed=3.0) as served, open_port(str(served.path)) as port:
         try:
             while True:
                 received += port.read(1.0)
