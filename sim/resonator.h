@@ -61,6 +61,7 @@ struct resonator_state {
 struct resonator_map {
     struct matrix4 transition;
     pair input[2][2]; /* [channel][mode] per DAC full scale */
+    pair turned[2];   /* what x, x'/k of mode 1 add to mode 2 per rad/s of rate beside the map's; mode 1 gets it from mode 2, negative */
 };
 
 /* A device with what follows from it once and for all. */
@@ -91,6 +92,18 @@ static inline void resonator_push(const struct resonator_map *map, pair force, p
     for (int mode = 0; mode < 2; mode++) {
         pushed[mode] = map->input[0][mode] * pair_of(force[0]) + map->input[1][mode] * pair_of(force[1]);
     }
+}
+
+/* What a rate that differs by rate_rad_s from the map's adds over the interval: the derivative of the transition by the rate. */
+static inline void resonator_turn(const struct resonator_map *map, const struct resonator_state *state, double rate_rad_s, pair pushed[2])
+{
+    if (rate_rad_s == 0.0) {
+        return;
+    }
+    pair on_x = map->turned[0] * pair_of(rate_rad_s);
+    pair on_v = map->turned[1] * pair_of(rate_rad_s);
+    pushed[0] -= on_x * pair_of(state->mode[1][0]) + on_v * pair_of(state->mode[1][1]);
+    pushed[1] += on_x * pair_of(state->mode[0][0]) + on_v * pair_of(state->mode[0][1]);
 }
 
 static inline void resonator_step(const struct resonator_map *map, struct resonator_state *state, const pair pushed[2])

@@ -67,7 +67,8 @@ static inline double sampling_look(const struct sampling_view *view, const struc
 
 /* The interval that ends at `sample`, with fractions of a sample. */
 static inline pair sampling_step_fractions(const struct sampling_plan *plan, const struct sampling_map *map,
-                                           const struct sampling_history *history, uint64_t sample, struct resonator_state *state)
+                                           const struct sampling_history *history, uint64_t sample, double rate_rad_s,
+                                           struct resonator_state *state)
 {
     pair late = sampling_past(history->force, sample, plan->latency_samples + 1);
     pair early = sampling_past(history->force, sample, plan->latency_samples + 2);
@@ -76,20 +77,23 @@ static inline pair sampling_step_fractions(const struct sampling_plan *plan, con
         pushed[mode] = (map->late[0][mode] * pair_of(late[0]) + map->late[1][mode] * pair_of(late[1]))
                        + (map->early[0][mode] * pair_of(early[0]) + map->early[1][mode] * pair_of(early[1]));
     }
+    resonator_turn(&map->whole, state, rate_rad_s, pushed);
     resonator_step(&map->whole, state, pushed);
     return (pair){sampling_look(&map->view[0], state, late, early), sampling_look(&map->view[1], state, late, early)};
 }
 
-/* Advance to `sample`; returns what the ADC converts there, primary and secondary displacement. */
+/* Advance to `sample`; returns what the ADC converts there, primary and secondary displacement. rate_rad_s: of this interval beside the
+ * map's; a constant 0 costs nothing. */
 static inline pair sampling_step(const struct sampling_plan *plan, const struct sampling_map *map, struct sampling_history *history,
-                                 uint64_t sample, struct resonator_state *state)
+                                 uint64_t sample, double rate_rad_s, struct resonator_state *state)
 {
     pair seen;
     if (plan->fractions) {
-        seen = sampling_step_fractions(plan, map, history, sample, state);
+        seen = sampling_step_fractions(plan, map, history, sample, rate_rad_s, state);
     } else {
         pair pushed[2];
         resonator_push(&map->whole, sampling_past(history->force, sample, plan->latency_samples + 1), pushed);
+        resonator_turn(&map->whole, state, rate_rad_s, pushed);
         resonator_step(&map->whole, state, pushed);
         seen = (pair){state->mode[0][0], state->mode[1][0]};
     }

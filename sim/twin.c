@@ -220,12 +220,15 @@ static void call_device(struct twin *twin, uint64_t sample, const int32_t adc[2]
 }
 
 /* Samples first .. end - 1 of the present block. codes: 4 per sample of the block, or NULL. What the loop uses all the time is held in
- * local variables, so that a compiler need not fear that the device changes it. hooked: a constant of the caller. */
-static inline void run_samples_hooked(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes, bool hooked)
+ * local variables, so that a compiler need not fear that the device changes it. hooked, ramp: constants of the caller. A rate that moves within
+ * the block moves within the interval's map: held for whole carrier periods it would mix with the carrier (1/(2 w) of its slope). */
+static inline void run_samples_as(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes, bool hooked, bool ramp)
 {
     struct wg_device *device = twin->device;
     const struct sampling_plan plan = twin->sampling_plan;
     const double *noise[2] = {twin->noise[0], twin->noise[1]};
+    const double rate_step_rad_s = twin->parameters.resonator.rate_dot_rad_s2 * plan.period_s;
+    const double middle = 0.5 * (twin->cfg.block_samples - 1);
     struct resonator_state motion = twin->motion;
     uint64_t sample = twin->sample;
     uint64_t adc_saturations = 0;
@@ -233,7 +236,8 @@ static inline void run_samples_hooked(struct twin *twin, uint32_t first, uint32_
     for (uint32_t i = first; i < end; i++) {
         int32_t adc[2], dac[2];
         sample++;
-        pair seen = sampling_step(&plan, &twin->map, &twin->history, sample, &motion);
+        double rate_rad_s = ramp ? rate_step_rad_s * (i - middle) : 0.0;
+        pair seen = sampling_step(&plan, &twin->map, &twin->history, sample, rate_rad_s, &motion);
         seen = hooked ? through_effects(twin, sample, &motion, seen) : seen;
         adc_convert(&twin->adc, seen, (pair){noise[0][i], noise[1][i]}, adc, &adc_saturations);
         if (hooked) {
@@ -253,18 +257,25 @@ static inline void run_samples_hooked(struct twin *twin, uint32_t first, uint32_
     twin->dac_saturations += dac_saturations;
 }
 
-/* Out of line, so that the loop without hooks stays as it is where it is. */
+/* Out of line, so that the plainest loop stays as it is where it is. */
 static void __attribute__((noinline)) run_samples_with_effects(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
 {
-    run_samples_hooked(twin, first, end, codes, true);
+    run_samples_as(twin, first, end, codes, true, true);
+}
+
+static void __attribute__((noinline)) run_samples_with_ramp(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
+{
+    run_samples_as(twin, first, end, codes, false, true);
 }
 
 static void run_samples(struct twin *twin, uint32_t first, uint32_t end, int32_t *codes)
 {
     if (twin->effects.pickoff || twin->effects.lost) {
         run_samples_with_effects(twin, first, end, codes);
+    } else if (twin->parameters.resonator.rate_dot_rad_s2 != 0.0) {
+        run_samples_with_ramp(twin, first, end, codes);
     } else {
-        run_samples_hooked(twin, first, end, codes, false);
+        run_samples_as(twin, first, end, codes, false, false);
     }
 }
 

@@ -97,7 +97,7 @@ class Envelope:
         slow_s = 1.0 / run.device.slow_rate_hz
         frames = int(run.n_blocks // self.frame_ticks) if n_frames is None else n_frames
         ticks, steps = frames * self.frame_ticks, frames * self.frame_ticks // self.step_ticks
-        start_s = self.end_sample(0) / run.device.electronics.sample_rate_hz - self.frame_ticks * slow_s
+        start_s = (self.end_sample(0) - 1) / run.device.electronics.sample_rate_hz - self.frame_ticks * slow_s  # as Run.block_times_s
         middles = start_s + (np.arange(ticks) + 0.5) * slow_s
         ends = start_s + np.arange(1, steps + 1) * self.step_ticks * slow_s
         rate = run.scenario.rate

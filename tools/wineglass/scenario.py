@@ -117,8 +117,9 @@ class Run:
         return output_filter_at(self.scenario.mode.output_filter_hz, self.device.slow_rate_hz)
 
     def block_times_s(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Start and end [s] of `count` blocks from number `first` on, shape (count,) each."""
-        edges = np.arange(first, first + count + 1) / self.device.slow_rate_hz
+        """Start and end [s] of `count` blocks from number `first` on, shape (count,) each. A sample ends the interval before it, and the first one is
+        taken at 0: so blocks begin one sample early."""
+        edges = np.arange(first, first + count + 1) / self.device.slow_rate_hz - 1.0 / self.device.electronics.sample_rate_hz
         return edges[:-1], edges[1:]
 
     def rate_rad_s(self, first: int, count: int) -> tuple[np.ndarray, np.ndarray]:

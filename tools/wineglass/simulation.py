@@ -148,7 +148,8 @@ class _References:
 
     def __init__(self, run: Run, writer: RecordingWriter):
         self._writer = writer
-        self._block_samples = run.device.block_samples
+        self._block_samples, self._slow_rate_hz = run.device.block_samples, run.device.slow_rate_hz
+        self._rate = run.scenario.rate
         self._divisor = run.divisor(run.scenario.recording.reference_hz)
         self._last = np.array([run.initial_degc, run.initial_degc])  # chamber, shell at the end of the block before
         self._waiting = np.empty((3, 0))
@@ -171,11 +172,12 @@ class _References:
         self._intervals += count
 
     def _middles(self, block: Block) -> np.ndarray:
-        """Rate, chamber and shell at the middle of each block, (3, n)."""
+        """Rate, chamber and shell around the middle of each block's slow period, (3, n)."""
+        middles_s = (block.first_block + np.arange(len(block.shell_degc)) + 0.5) / self._slow_rate_hz
         ends = np.stack([block.chamber_degc, block.shell_degc])
         before = np.concatenate([self._last[:, None], ends[:, :-1]], axis=1)
         self._last = ends[:, -1]
-        return np.concatenate([block.true_rate_rad_s[None], 0.5 * (before + ends)])
+        return np.concatenate([self._rate.at(middles_s)[None], 0.5 * (before + ends)])
 
 
 def _warnings(run: Run, listener: _Listener, locked: bool | None, adc_saturations: int) -> list[str]:

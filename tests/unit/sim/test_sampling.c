@@ -53,7 +53,7 @@ static void check(int latency_steps, int delay_steps)
     sampling_map_at(&plan, &coefs, resonator.velocity_scale_rad_s, &map);
     run_fine(latency_steps, fine);
     for (uint64_t n = 1; n <= SAMPLES; n++) {
-        pair seen = sampling_step(&plan, &map, &history, n, &state);
+        pair seen = sampling_step(&plan, &map, &history, n, 0.0, &state);
         sampling_push_force(&history, n, force[n]);
         if (n > 8) { /* the delay line is filled */
             TEST_ASSERT_DOUBLE_WITHIN(1e-12, fine[n * FINE - (uint64_t)delay_steps][0], seen[0]);

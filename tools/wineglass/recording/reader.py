@@ -18,6 +18,7 @@ from wineglass.recording.attributes import integer, number, text, whole_text
 from wineglass.recording.model import Event
 
 _PIECE = 1 << 20
+_LARGEST_PACKING = 2000  # bytes of values per byte of file; gzip reaches 1032
 
 
 @dataclass
@@ -151,11 +152,12 @@ def _open(path: Path, tolerant: bool) -> Recording:
     where = str(path)
     file = _open_file(path)
     try:
+        _check_sizes(file, path.stat().st_size, where)
         return _read_root(file, where, tolerant)
     except BadInput:
         file.close()
         raise
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, MemoryError) as error:
         file.close()
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise BadInput("the recording is damaged", where, f"record or copy it again ({reason})") from error
@@ -174,6 +176,15 @@ def _open_file(path: Path) -> h5py.File:
         if "truncated" in str(error):
             raise BadInput("the recording is truncated", str(path), "record or copy it again") from error
         raise BadInput("not an HDF5 file", str(path), "give a recording, or import a table: wineglass import FILE.csv") from error
+
+
+def _check_sizes(file: h5py.File, file_bytes: int, where: str) -> None:
+    """Before anything of it is asked for: a damaged length may speak of terabytes."""
+    def check(name: str, entry: h5py.Dataset | h5py.Group) -> None:
+        if isinstance(entry, h5py.Dataset) and entry.size is not None and entry.size * entry.dtype.itemsize > _LARGEST_PACKING * file_bytes:
+            raise BadInput(f"/{name} claims more values than the file can hold", where, "the recording is damaged: record or copy it again")
+
+    file.visititems(check)
 
 
 def _read_root(file: h5py.File, where: str, tolerant: bool) -> Recording:
