@@ -119,7 +119,6 @@ class Closer:
 
     def _stand_on(self, ground: Ground) -> None:
         self.ground, self.nuisance = ground, self.system.whiten(ground.raw)
-        self._data = self.system.data + np.einsum("k,kcn->cn", ground.centre, self.nuisance)
         self._flat = self.nuisance.reshape(len(self.nuisance), -1)
         self._gram = self._flat @ self._flat.T
         self._factor = cho_factor(self._gram + np.eye(len(self.nuisance)))
@@ -131,7 +130,7 @@ class Closer:
         try:
             for _ in range(SETTLE_ROUNDS):
                 gram = best.products.pooled(np.ones(len(self.system.names)))
-                coefficients, _ = posterior_mean(gram, best.places)
+                coefficients = best.products.about + posterior_mean(gram, best.places)[0]
                 unit = best.ground.unit.at(coefficients[: len(best.ground.unit.off)])
                 spread, middle = np.array([u.spread for u in best.unknowns]), np.array([u.middle for u in best.unknowns])
                 values = _within(best.unknowns, middle + coefficients[len(best.ground.centre):] * spread)
@@ -170,9 +169,10 @@ class Closer:
         cost = self._cost(response, (values - middle) / spread)
         runs, stride, fresh = 1, 1.0, False
         while runs < RUNS:
-            solution, promised_cost = self._solution(self._whole(jacobian * spread[:, None, None], response, (values - middle) / spread))
+            at = (values - middle) / spread
+            change, promised_cost = self._solution(self._whole(jacobian * spread[:, None, None], response, at))
             promised = cost - promised_cost
-            trial = _within(unknowns, values + stride * (middle + solution * spread - values))
+            trial = _within(unknowns, values + stride * change * spread)
             if promised < ENOUGH or stride < 0.02 or np.all(np.abs(trial - values) < NEGLIGIBLE * spread):
                 if fresh or promised < 0.0:
                     break
@@ -211,29 +211,32 @@ class Closer:
         return np.array(rows)
 
     def _linear(self, jacobian: np.ndarray, response: np.ndarray, at: np.ndarray) -> Products:
-        """The system about the present values, its unknowns counted from their priors' middles, in spreads."""
-        columns = self.system.whiten(jacobian)
-        data = self._data - self.system.whiten(response) + np.einsum("kcn,k->cn", columns, at)
-        return products(self.system, np.concatenate([self.nuisance, columns]), data)
+        """The system about the present values; unknowns in spreads of their priors, `at` from their middles."""
+        columns = np.concatenate([self.nuisance, self.system.whiten(jacobian)])
+        return products(self.system, columns, np.concatenate([self.ground.centre, at]), self.system.data - self.system.whiten(response))
 
     def _whole(self, jacobian: np.ndarray, response: np.ndarray, at: np.ndarray) -> np.ndarray:
         """The products of `_linear` over all folds and channels, without their parts: (m + k + 1, m + k + 1)."""
         columns = self.system.whiten(jacobian).reshape(len(jacobian), -1)
-        data = (self._data - self.system.whiten(response)).ravel() + at @ columns
+        data = (self.system.data - self.system.whiten(response)).ravel()
         rows = np.concatenate([columns, data[None]])
-        across = self._flat @ rows.T
-        return np.block([[self._gram, across], [across.T, rows @ rows.T]])
+        across, inner, about = self._flat @ rows.T, rows @ rows.T, self.ground.centre
+        across[:, -1] -= about
+        inner[-1, :-1] -= at
+        inner[:-1, -1] -= at
+        inner[-1, -1] += float(about @ about + at @ at)
+        return np.block([[self._gram, across], [across.T, inner]])
 
     def _solution(self, gram: np.ndarray) -> tuple[np.ndarray, float]:
-        """Where the linear system has its best point, in spreads from the middle, and the cost there."""
+        """How far off the linear system has its best point, in spreads, and the cost there."""
         coefficients, _ = posterior_mean(gram, list(range(len(gram) - 1)))
         return coefficients[len(self.nuisance):], 0.5 * float(gram[-1, -1] - gram[:-1, -1] @ coefficients)
 
     def _cost(self, response: np.ndarray, at: np.ndarray) -> float:
         """Half the energy left, nuisances at their best, plus the prior's."""
-        left = (self._data - self.system.whiten(response)).ravel()
-        along = self._flat @ left
-        return 0.5 * float(left @ left - along @ cho_solve(self._factor, along) + at @ at)
+        left, about = (self.system.data - self.system.whiten(response)).ravel(), self.ground.centre
+        along = self._flat @ left - about
+        return 0.5 * float(left @ left - along @ cho_solve(self._factor, along) + about @ about + at @ at)
 
 
 def respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, truth: Device | None = None) -> np.ndarray:

@@ -53,8 +53,7 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
     """chosen: None leaves the gap as it is."""
     recorded, base = _channels(found, found.recorded), _channels(found, found.base)
     nuisance = found.responses.values[list(found.responses.nuisances)][:, found.pick, :]
-    centre = found.responses.centre
-    before = recorded - base - _folded(found, found.table, list(range(len(nuisance))), nuisance, centre, TOLERATED)
+    before = recorded - base - _folded(found, found.table, list(range(len(nuisance))), nuisance, TOLERATED)
     after, polished = before, None
     if chosen is not None:
         left = recorded - _with_effects(found, chosen, base)
@@ -63,7 +62,7 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
         columns = np.concatenate([chosen.ground.raw, chosen.jacobian * spread[:, None, None]])
         about = np.concatenate([chosen.ground.centre, fixed])
         polished = _polish(found, columns, left, about)
-        after = left - _folded(found, polished, list(range(len(columns))), columns, about)
+        after = left - _folded(found, polished, list(range(len(columns))), columns)
     use = found.system.weight > TRUSTED
     changes = [_change(found, i, before[i], after[i], use[i]) for i in range(len(found.names))]
     values, covariance = (np.zeros(0), np.zeros((0, 0))) if chosen is None or polished is None else _estimate(found, chosen, polished)
@@ -86,8 +85,7 @@ def _with_effects(found: TwinAnalysis, chosen: Closed, base: np.ndarray) -> np.n
 def _polish(found: TwinAnalysis, columns: np.ndarray, left: np.ndarray, about: np.ndarray) -> Products:
     """The linear system about the full twin's run instead of the envelope's; it was run with coefficients `about`."""
     white = found.system.whiten(columns)
-    data = found.system.whiten(left) + np.einsum("kcn,k->cn", white, about)
-    return products(found.system, white, data)
+    return products(found.system, white, about, found.system.whiten(left))
 
 
 def _estimate(found: TwinAnalysis, chosen: Closed, polished: Products) -> tuple[np.ndarray, np.ndarray]:
@@ -98,7 +96,7 @@ def _estimate(found: TwinAnalysis, chosen: Closed, polished: Products) -> tuple[
     left = np.einsum("fcij,i,j->c", polished.gram, combination, combination)
     excess = np.maximum(0.0, left - found.system.n_rows * (1.0 + 3.0 * np.sqrt(2.0 / np.maximum(found.system.n_rows, 1))))
     gram = polished.pooled(1.0 + excess / FREEDOM)
-    coefficients, _ = posterior_mean(gram, places)
+    coefficients = polished.about + posterior_mean(gram, places)[0]
     first = polished.count - len(chosen.unknowns)
     size = np.sqrt(np.maximum(np.diagonal(gram)[:-1], 1e-12))
     inner = gram[:-1, :-1] / np.outer(size, size) + np.diag(1.0 / size**2 + 1e-12)
@@ -107,14 +105,15 @@ def _estimate(found: TwinAnalysis, chosen: Closed, polished: Products) -> tuple[
     return middle + coefficients[first:] * spread, covariance * np.outer(spread, spread)
 
 
-def _folded(found: TwinAnalysis, products: Products, places: list[int], columns: np.ndarray, fixed: np.ndarray, limit: float | None = None) -> np.ndarray:
-    """(channels, n): columns times (coefficients fitted without a frame's own fold, less `fixed`). limit: none may be larger."""
+def _folded(found: TwinAnalysis, products: Products, places: list[int], columns: np.ndarray, limit: float | None = None) -> np.ndarray:
+    """(channels, n): columns times what coefficients, fitted without a frame's own fold, are beside the ones of the data. limit: none may be further
+    from its prior's middle."""
     total = np.zeros(columns.shape[1:])
     for fold in range(FOLDS):
         gram = products.pooled(found.softening, [f for f in range(FOLDS) if f != fold])
-        coefficients = posterior_mean(gram, places)[0] if limit is None else within(gram, places, limit)
+        coefficients = posterior_mean(gram, places)[0] if limit is None else within(gram, places, -products.about[places], limit)
         here = found.system.fold == fold
-        total[:, here] = np.einsum("k,kcn->cn", coefficients - fixed, columns[:, :, here])
+        total[:, here] = np.einsum("k,kcn->cn", coefficients, columns[:, :, here])
     return total
 
 

@@ -33,7 +33,7 @@ Support = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Explained:
-    """One set of effects: log evidence with priors, without and with a generic discrepancy; coefficients (nuisances first)."""
+    """One set of effects: log evidence with priors, without and with a generic discrepancy; coefficients (nuisances first), counted from zero."""
 
     support: Support
     variants: tuple[Variant, ...]
@@ -59,11 +59,11 @@ def explained(products: Products, softening: np.ndarray, nuisances: int, columns
     combination[-1] = 1.0
     left = np.einsum("fcij,i,j->c", products.gram, combination, combination)
     generic = sum(_generic(block @ combination, softening[c]) for c, block in enumerate(products.generic))
-    return Explained(tuple(sorted({v.effect for v in variants})), variants, evidence, float(generic), left, coefficients)
+    return Explained(tuple(sorted({v.effect for v in variants})), variants, evidence, float(generic), left, products.about[places] + coefficients)
 
 
 def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, float]:
-    """Coefficients of `places` with standard normal priors, and log det(1 + their products)."""
+    """Coefficients of `places` with normal priors of unit size, and log det(1 + their products)."""
     part = gram[np.ix_(places, places)]
     size = np.sqrt(np.maximum(np.diagonal(part), 1e-12))
     precision = 1.0 / size**2 + JITTER
@@ -72,13 +72,13 @@ def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, flo
     return cho_solve(factor, gram[places, -1] / size) / size, determinant
 
 
-def within(gram: np.ndarray, places: list[int], limit: float) -> np.ndarray:
-    """Coefficients of `places` that stay within +-limit standard deviations: bounded least squares, priors included."""
+def within(gram: np.ndarray, places: list[int], middle: np.ndarray, limit: float) -> np.ndarray:
+    """Coefficients of `places` that stay within limit standard deviations of their priors' middles: bounded least squares, priors included."""
     part = gram[np.ix_(places, places)]
     size = np.sqrt(np.maximum(np.diagonal(part), 1e-12))
     factor = np.linalg.cholesky(part / np.outer(size, size) + np.diag(1.0 / size**2 + JITTER))
     target = solve_triangular(factor, gram[places, -1] / size, lower=True)
-    return lsq_linear(factor.T, target, bounds=(-limit * size, limit * size)).x / size
+    return lsq_linear(factor.T, target, bounds=((middle - limit) * size, (middle + limit) * size)).x / size
 
 
 def _generic(projection: np.ndarray, softening: float) -> float:

@@ -143,23 +143,31 @@ def _basis(system: System, channel: int, regressors: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class Products:
     """Inner products of columns (k of them) and data: gram (folds, channels, k + 1, k + 1), the data last; generic: per channel (m, k + 1),
-    projections onto the basis of generic discrepancies."""
+    projections onto the basis of generic discrepancies. about (k,): coefficients at which the data were taken; those that are sought here are
+    counted from there, and their standard normal priors lie at -about. Counted from zero, a frequency that is uncertain by 1e8 floors would leave
+    nothing of the others' last digits."""
 
     gram: np.ndarray
     generic: tuple[np.ndarray, ...]
+    about: np.ndarray
 
     @property
     def count(self) -> int:
         return self.gram.shape[-1] - 1
 
     def pooled(self, softening: np.ndarray, folds: list[int] | None = None) -> np.ndarray:
-        """(k + 1, k + 1): channels weighted by 1/softening, summed over folds (None: all)."""
+        """(k + 1, k + 1): channels weighted by 1/softening, summed over folds (None: all), with the priors' middles in the last row and column."""
         chosen = self.gram if folds is None else self.gram[folds]
-        return np.einsum("fcij,c->ij", chosen, 1.0 / softening)
+        whole = np.einsum("fcij,c->ij", chosen, 1.0 / softening)
+        whole[-1, :-1] -= self.about
+        whole[:-1, -1] -= self.about
+        whole[-1, -1] += float(self.about @ self.about)
+        return whole
 
 
-def products(system: System, columns: np.ndarray, data: np.ndarray | None = None) -> Products:
-    """columns (k, channels, n) whitened and scaled so that their coefficients have standard normal priors; data: None takes the system's."""
+def products(system: System, columns: np.ndarray, about: np.ndarray | None = None, data: np.ndarray | None = None) -> Products:
+    """columns (k, channels, n) whitened and scaled so that their coefficients have standard normal priors; about: None for zero; data: None takes
+    the system's."""
     data = system.data if data is None else data
     k = len(columns)
     gram = np.empty((FOLDS, len(system.names), k + 1, k + 1))
@@ -170,4 +178,4 @@ def products(system: System, columns: np.ndarray, data: np.ndarray | None = None
             part = rows[system.fold == f]
             gram[f, c] = part.T @ part
         generic.append(system.basis[c].T @ rows)
-    return Products(gram, tuple(generic))
+    return Products(gram, tuple(generic), np.zeros(k) if about is None else about)

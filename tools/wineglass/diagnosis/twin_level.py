@@ -113,8 +113,7 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     advance()
     built = setting.system(bench, base)
     columns = built.whiten(found.values[:, pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
-    centred = built.data + np.einsum("k,kcn->cn", found.centre, columns[: len(found.nuisances)])
-    table = system.products(built, columns, centred)
+    table = system.products(built, columns, np.pad(found.centre, (0, len(columns) - len(found.centre))))
     ranking = _ranked(table, found)
     advance()
     closer = Closer(bench, built, found, pick)
@@ -153,7 +152,7 @@ def _settled(bench: Bench, setting: _Setting, base: Frames) -> tuple[Bench, Fram
         slopes = np.array([slope[setting.pick] for _, slope in responses.uncertainties(bench)])
         centre = np.concatenate([bench.unit.off, np.zeros(len(slopes) - len(bench.unit.off))])
         white = built.whiten(slopes)
-        table = system.products(built, white, built.data + np.einsum("k,kcn->cn", centre, white))
+        table = system.products(built, white, centre)
         off = _within_tolerance(table, built, len(slopes))[: len(bench.unit.off)]
         unit = bench.unit.at(off)
         if float(np.max(np.abs(unit.off - bench.unit.off), initial=0.0)) < UNIT_STEP:
