@@ -1,4 +1,7 @@
-"""A scenario through the twin into a recording: the device's telemetry by the one decoder, and the bench's references beside it."""
+"""A scenario through the twin into a recording: the device's telemetry by the one decoder, and the bench's references beside it.
+
+simulate() writes the file; in_memory() keeps the slow channels alone, for who only looks at them.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ from wineglass.commands_wire import CommandEncoder, Reason
 from wineglass.effects import Setting
 from wineglass.interrupt import interrupt_noted
 from wineglass.recording import RecordingMeta, RecordingWriter, TapFormat, float_format
+from wineglass.recording.memory import MemoryRecording
 from wineglass.scenario import Burst, Run
 from wineglass.schedule import Command, SyncPulse
 from wineglass.telemetry import Decoder, Frames, Identity
@@ -22,6 +26,7 @@ from wineglass.twin import Block, Twin
 from wineglass.wire import Status
 
 REFERENCE_CHANNELS = ("true_rate", "chamber_temperature", "shell_temperature")
+_PIECE = 1 << 20  # bytes of telemetry decoded together: many small pieces take much longer
 
 
 @dataclass(frozen=True)
@@ -69,7 +74,7 @@ def simulate(run: Run, path: Path, progress: Callable[[int], None] | None = None
     with Twin(run, calibration_block=calibration_block, effects=effects) as twin:
         first = start(twin)
         with RecordingWriter(path, _meta(run, twin, first)) as writer, interrupt_noted() as interrupted:
-            recorder, references = TelemetryRecorder(writer, listener), _References(run, writer)
+            recorder, references = _Gathered(TelemetryRecorder(writer, listener)), _References(run, writer)
             recorder.feed(first)
             _note_events(run, writer)
             for block in _stretches(twin):
@@ -80,11 +85,44 @@ def simulate(run: Run, path: Path, progress: Callable[[int], None] | None = None
                 if interrupted():
                     writer.event("interrupted", "by the user", sample=twin.samples_done)
                     break
+            recorder.flush()
         truth = twin.truth()
     elapsed = time.monotonic() - begin
     locked = None if listener.status is None else bool(listener.status & Status.LOCKED)
     return Done(str(path), run.scenario.name, run.device.name, run.scenario.seed, truth.time_s, elapsed, truth.samples / elapsed, locked,
                 interrupted(), _warnings(run, listener, locked, truth.adc_saturations))
+
+
+def in_memory(run: Run, *, calibration_block: bytes | None = None, effects: Sequence[Setting] = ()) -> MemoryRecording:
+    """Baseband and output as simulate() would write them, bit for bit, without a file."""
+    held = MemoryRecording(run.device.electronics.sample_rate_hz)
+    with Twin(run, calibration_block=calibration_block, effects=effects) as twin:
+        recorder = _Gathered(TelemetryRecorder(held))
+        recorder.feed(start(twin))
+        for _ in _stretches(twin):
+            recorder.feed(twin.telemetry())
+        recorder.flush()
+    return held
+
+
+class _Gathered:
+    """Feeds a recorder with large pieces."""
+
+    def __init__(self, recorder: TelemetryRecorder):
+        self._recorder = recorder
+        self._waiting: list[bytes] = []
+        self._bytes = 0
+
+    def feed(self, data: bytes) -> None:
+        self._waiting.append(data)
+        self._bytes += len(data)
+        if self._bytes >= _PIECE:
+            self.flush()
+
+    def flush(self) -> None:
+        self._recorder.feed(b"".join(self._waiting))
+        self._waiting.clear()
+        self._bytes = 0
 
 
 def start(twin: Twin) -> bytes:

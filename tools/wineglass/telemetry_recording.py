@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from wineglass.recording import ChannelFormat, RecordingWriter, TapFormat
+from wineglass.recording.memory import MemoryRecording
 from wineglass.recording.writer import MAX_GAP_SAMPLES
 from wineglass.telemetry import Chunk, Conversion, Decoder, Identity, RawSamples, SnapshotAssembler, conversions, raw_samples, worst_status
 
@@ -21,11 +22,11 @@ _DTYPES = {"freq": "u8", "status": "u4", "angle": "i8"}
 
 
 class TelemetryRecorder:
-    """Feeds a RecordingWriter. Frames before the first identity frame wait for it.
+    """Feeds a RecordingWriter, or a recording in memory. Frames before the first identity frame wait for it.
 
     A recording has one sample counter and one calibration: `ended` says why nothing after it belongs to this recording."""
 
-    def __init__(self, writer: RecordingWriter, decoder: Decoder | None = None, intervals: dict[str, int] | None = None):
+    def __init__(self, writer: RecordingWriter | MemoryRecording, decoder: Decoder | None = None, intervals: dict[str, int] | None = None):
         """intervals: tap -> samples per frame, where they are known; otherwise the first frames' most frequent one"""
         self.decoder = decoder or Decoder()
         self.identity: Identity | None = None

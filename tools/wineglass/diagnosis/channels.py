@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from wineglass.diagnosis import own_line
-from wineglass.recording import Recording, Tap
+from wineglass.recording.memory import Samples, Source
 from wineglass.wire import Status
 
 FRAME_S = 0.25  # about; a whole number of samples of the slowest tap
@@ -53,7 +53,7 @@ def unit_of(channel: str) -> str:
     return UNITS.get(channel, "FS")
 
 
-def grid_of(recording: Recording) -> Grid:
+def grid_of(recording: Source) -> Grid:
     taps = [recording.tap(name) for name in ("baseband", "output") if name in recording]
     slowest = min(tap.sample_rate_hz for tap in taps)
     first = max(float(tap.time_s[0]) - 0.5 / tap.sample_rate_hz for tap in taps)
@@ -64,7 +64,7 @@ def grid_of(recording: Recording) -> Grid:
     return Grid(frame_s, start, max(0, math.floor(end / frame_s + 1e-6) - start))
 
 
-def read(recording: Recording, grid: Grid) -> Frames:
+def read(recording: Source, grid: Grid) -> Frames:
     """The channels that the recording has."""
     rows: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for tap_name, names in (("baseband", BASEBAND), ("output", OUTPUT)):
@@ -80,7 +80,7 @@ def read(recording: Recording, grid: Grid) -> Frames:
     return Frames(grid, tuple(rows), values, use)
 
 
-def _means(tap: Tap, values: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+def _means(tap: Samples, values: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     """Means (n,) and which of them have at least half of their samples."""
     place = np.floor(tap.time_s / grid.frame_s + 1e-9).astype(int) - grid.first
     there = np.isfinite(values) & (place >= 0) & (place < grid.count)
@@ -90,7 +90,7 @@ def _means(tap: Tap, values: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.nda
     return total / np.maximum(count, 1), count >= 0.5 * usual
 
 
-def _sound(recording: Recording, grid: Grid) -> np.ndarray:
+def _sound(recording: Source, grid: Grid) -> np.ndarray:
     """Frames (n,) after the first lock, without a saturated converter flagged as overflow, with enough amplitude."""
     sound = np.ones(grid.count, bool)
     if "baseband" not in recording:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -15,10 +13,9 @@ from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.drive import Driven
 from wineglass.envelope import Envelope
 from wineglass.profiles import ConstantRate, ConstantTemperature
-from wineglass.recording import Recording
 from wineglass.scenario import Run
 from wineglass.schedule import LoopCommand
-from wineglass.simulation import simulate
+from wineglass.simulation import in_memory
 
 REST_FRAMES = 280
 LEFT_OUT_S = 4.0
@@ -66,11 +63,8 @@ def _resting(driven: Driven, grid: Grid, names: tuple[str, ...], loop: str) -> F
     resting = run.scenario.model_copy(update={
         "duration_s": LEFT_OUT_S + REST_FRAMES * grid.frame_s, "seed": SEED, "temperature": held, "rate": ConstantRate(),
         "command": [LoopCommand(at_s=0.0, mode=loop)]})
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "rest.h5"
-        simulate(Run(resting, run.device, run.truth), path, calibration_block=driven.calibration_block)
-        with Recording.open(path) as recording:
-            frames = channels.read(recording, Grid(grid.frame_s, 0, int(resting.duration_s / grid.frame_s)))
+    frames = channels.read(in_memory(Run(resting, run.device, run.truth), calibration_block=driven.calibration_block),
+                           Grid(grid.frame_s, 0, int(resting.duration_s / grid.frame_s)))
     ticks = max(1, round(grid.frame_s * run.device.slow_rate_hz))
     with Envelope(Run(resting, run.device, run.truth), calibration_block=driven.calibration_block, frame_ticks=ticks) as envelope:
         quiet = envelope.run()

@@ -5,10 +5,8 @@ docs/DIAGNOSIS.md argues every step.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -24,7 +22,7 @@ from wineglass.diagnosis.system import System
 from wineglass.effects import Setting
 from wineglass.recording import Recording
 from wineglass.scenario import Run
-from wineglass.simulation import simulate
+from wineglass.simulation import in_memory
 
 ENGINE = "twin_level"
 QUIET = {"electronics.adc.snr_db": 0.0, "electronics.adc.bits": 32}
@@ -51,11 +49,7 @@ def full_twin(driven: Driven, grid: Grid, effects: Sequence[Setting] = (), truth
     """Frames of the full twin, firmware in the loop, over the recorded inputs, without the converters' noise. truth: None is the run's."""
     run = driven.run
     quiet = Run(run.scenario, run.device, (truth or run.truth).override(QUIET))
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "twin.h5"
-        simulate(quiet, path, calibration_block=driven.calibration_block, effects=effects)
-        with Recording.open(path) as recording:
-            return channels.read(recording, grid)
+    return channels.read(in_memory(quiet, calibration_block=driven.calibration_block, effects=effects), grid)
 
 
 @dataclass
