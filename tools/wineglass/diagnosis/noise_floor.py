@@ -116,6 +116,25 @@ class FloorModel:
             return np.asarray(np.abs(loop.complementary(frequency_hz)) * means)
         return np.asarray(means / np.hypot(1.0, 2.0 * np.pi * frequency_hz / self.calibration.decay_rate_per_s[0]))
 
+    # ---- what the channels show of the wander that the description grants -----------------------------------------------------
+
+    def of_wander(self, channel: str) -> np.ndarray:
+        """Channel's density for the described slow noise, as 1/f noise whose Allan deviation is flat at the described figure: of the drive level in the
+        primary's in-phase channel, of the resonance in its quadrature, of the bias in whatever shows the rate. At the described amplitude."""
+        floor = self.device.noise_floor
+        if channel == PRIMARY[0]:
+            return self._held_back(self._agc, floor.drive_level_relative / self.device.electronics.dac.drive_reach)
+        if channel == PRIMARY[1]:
+            shift = 2e-6 * math.pi * self.device.resonator.frequency_hz * floor.frequency_ppm
+            return self._held_back(self._pll, shift * self.calibration.amplitude_set_point_fs)
+        return self.of_rate(channel, lambda f: floor.rate_bias_instability_rad_s**2 * flicker(f))
+
+    def _held_back(self, loop: Loop, size: float) -> np.ndarray:
+        """1/f noise of an Allan floor `size` that is added to a loop's force, as the loop's input shows it."""
+        f = self.frequency_hz
+        left = np.abs(loop.sensitivity(f) * loop.plant_response(f)) ** 2
+        return np.asarray(size**2 * flicker(f) * left * self._mean_power(f))
+
     # ---- what the channels show of a tone -----------------------------------------------------------------------------------
 
     def of_tone(self, channel: str, frequency_hz: np.ndarray) -> np.ndarray:

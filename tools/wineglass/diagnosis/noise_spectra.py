@@ -32,6 +32,10 @@ SHAPE_PER_BIN = 0.8
 """gamma shape of one bin's power, tapers' overlap included; held against white noise by a test"""
 MODEL_ERROR, MODEL_ERROR_AT_1_HZ = 0.05, 0.1
 """relative, of a band: what the closed forms may be off, beyond the stated tolerance, and what slow content may have left, falling with f"""
+WANDER_ERROR = 0.5
+"""relative, of the described slow noise: the description gives its size, not its form"""
+_WANDERS = np.array([0.0, 0.3, 0.7, 1.1])
+"""squares' roots of how much of it this unit may have"""
 LEAST_SENSITIVITY = 0.08
 """where a loop leaves less of the noise's power, slow content counts for more than noise"""
 SLOW_TO_HZ, SMOOTH_SHARE = 3.0, 1.3
@@ -46,7 +50,7 @@ EFFECTS = ("excess_noise", "clock_jitter", "flicker_noise", "other")
 @dataclass(frozen=True)
 class Band:
     """Mean power of a channel in a band. shape: gamma shape of that mean; floor_noise, floor_steps: what the converter's noise and steps make of it;
-    answers: density per unit strength squared of each source"""
+    answers: density per unit strength squared of each source; floor_wander: what the described slow noise makes of it"""
 
     channel: str
     low_hz: float
@@ -57,10 +61,11 @@ class Band:
     floor_noise: float
     floor_steps: float
     answers: dict[str, float]
+    floor_wander: float = 0.0
 
     @property
     def ratio(self) -> float:
-        return self.power / (self.floor_noise + self.floor_steps)
+        return self.power / (self.floor_noise + self.floor_steps + self.floor_wander)
 
 
 @dataclass(frozen=True)
@@ -154,6 +159,7 @@ def _bands(group: Windows, channel: str, values: np.ndarray, amplitude: float, m
     densities, pickoff = np.where(lines, np.nan, group.densities(values)), Pickoff.of(model.device)
     white = model.of_white(channel)
     answers = {name: group.leaked(answer) for name, answer in _answers(channel, amplitude, model, white).items()}
+    wander = group.leaked(model.of_wander(channel)) * (amplitude / model.calibration.amplitude_set_point_fs) ** 2
     white = group.leaked(white)
     keep = _without_lines(densities, white) & (white > LEAST_SENSITIVITY * white.max() * (channel in PRIMARY))
     bins = np.arange(1, len(white) + 1)
@@ -172,9 +178,11 @@ def _bands(group: Windows, channel: str, values: np.ndarray, amplitude: float, m
         f = group.frequency_hz[chosen]
         if f[-1] < SLOW_TO_HZ and power > SMOOTH_SHARE * _power(smoother[:, chosen] / white[chosen], shape):
             continue
-        total = 1.0 / (1.0 / (0.8 * shape * len(whole)) + MODEL_ERROR**2 + (MODEL_ERROR_AT_1_HZ / float(f.mean())) ** 2)
+        granted = float(np.mean(wander[chosen] / white[chosen]))
+        model_error = math.hypot(MODEL_ERROR, MODEL_ERROR_AT_1_HZ / float(f.mean()), WANDER_ERROR * granted / (granted + pickoff.whole))
+        total = 1.0 / (1.0 / (0.8 * shape * len(whole)) + model_error**2)
         inside = {name: float(np.mean(answer[chosen] / white[chosen])) for name, answer in answers.items()}
-        found.append(Band(channel, float(f[0]), float(f[-1]), amplitude, power, total, pickoff.noise, pickoff.steps, inside))
+        found.append(Band(channel, float(f[0]), float(f[-1]), amplitude, power, total, pickoff.noise, pickoff.steps, inside, granted))
     return found
 
 
@@ -271,6 +279,7 @@ class _Axis:
         self._shape = np.array([band.shape for band in bands])
         self._noise = np.array([band.floor_noise for band in bands])
         self._steps = np.array([band.floor_steps for band in bands])
+        self._wander = np.array([band.floor_wander for band in bands])
         self._sources = sources(device)
         self._tolerance = _tolerance(device)
         self._cache: dict[frozenset[str], float] = {}
@@ -307,10 +316,11 @@ class _Axis:
         return float(logsumexp(self._log_joint(names)) - sum(math.log(len(self._nodes(name))) for name in names))
 
     def _log_joint(self, names: list[str], count: int = NODES) -> np.ndarray:
-        """Log likelihood plus the floor's log weight, (floor nodes, nodes of the first source, of the second, ...)."""
-        floor_weight = -0.5 * _FLOOR_NODES**2
+        """Log likelihood plus the floor's log weight, (floor and wander nodes, nodes of the first source, of the second, ...)."""
+        floor_weight = np.repeat(-0.5 * _FLOOR_NODES**2, len(_WANDERS))
         floor_weight -= logsumexp(floor_weight)
-        model = self._noise * np.exp(self._tolerance * _FLOOR_NODES)[:, None] + self._steps
+        model = np.repeat(self._noise * np.exp(self._tolerance * _FLOOR_NODES)[:, None], len(_WANDERS), axis=0) + self._steps
+        model += np.tile(_WANDERS**2, len(_FLOOR_NODES))[:, None] * self._wander
         for name in names:
             model = model[..., None, :] + self._nodes(name, count)[:, None] * self._answer(name)
         log_likelihood = -np.sum(self._shape * (np.log(model) + self._power / model - np.log(self._power) - 1.0), axis=-1)
