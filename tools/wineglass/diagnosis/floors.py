@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from wineglass.diagnosis import channels
 from wineglass.diagnosis.channels import Frames, Grid
@@ -34,8 +33,11 @@ class Floor:
 
     def whiten(self, channel: int, series: np.ndarray) -> np.ndarray:
         """Series (..., n) in the channel's unit -> innovations in units of the floor."""
-        taps = np.concatenate([[1.0], -self.coefficients[channel]])
-        return lfilter(taps, [1.0], series, axis=-1) / self.innovation[channel]
+        white = np.array(series, dtype=np.float64)
+        for lag, coefficient in enumerate(self.coefficients[channel], start=1):
+            white[..., lag:] -= coefficient * series[..., :-lag]
+        white /= self.innovation[channel]
+        return white
 
 
 def at_rest(driven: Driven, grid: Grid, names: tuple[str, ...], loops: frozenset[str]) -> Floor:
