@@ -131,11 +131,12 @@ class Closer:
             for _ in range(SETTLE_ROUNDS):
                 gram = best.products.pooled(np.ones(len(self.system.names)))
                 coefficients = best.products.about + posterior_mean(gram, best.places)[0]
-                unit = best.ground.unit.at(coefficients[: len(best.ground.unit.off)])
+                here = best.ground.unit
+                unit = here.toward(coefficients[: len(here.off)] - here.off)
                 spread, middle = np.array([u.spread for u in best.unknowns]), np.array([u.middle for u in best.unknowns])
                 values = _within(best.unknowns, middle + coefficients[len(best.ground.centre):] * spread)
                 slopes = uncertainties(self.bench, settings_of(best.unknowns, values), unit)
-                centre = np.concatenate([unit.off, np.zeros(len(slopes) - len(unit.off))])
+                centre = self.bench.centre([name for name, _ in slopes], unit)
                 self._stand_on(Ground(unit, np.array([slope[self.pick] for _, slope in slopes]), centre))
                 found = self._search(best.support, best.variants, best.unknowns, values, best.jacobian)
                 gained = self.cost_of(best) - self.cost_of(found)

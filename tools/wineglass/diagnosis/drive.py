@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from wineglass import scenario
 from wineglass.calibration_block import OUTPUT_FILTERS
 from wineglass.device import Device
 from wineglass.errors import BadInput
+from wineglass.profiles import TableTemperature
 from wineglass.recording import Recording, Tap
 from wineglass.schedule import AnyCommand, LoopCommand
 
@@ -41,6 +42,15 @@ class Driven:
     @property
     def shell_known(self) -> bool:
         return self.temperature_from == "shell_temperature"
+
+    def warmer(self, by_degc: float) -> Driven:
+        """The same with another zero of the thermometer that the temperature came from."""
+        temperature = self.run.scenario.temperature
+        if by_degc == 0.0 or not isinstance(temperature, TableTemperature):
+            return self
+        values = [value + by_degc for value in temperature.values_degc]
+        moved = TableTemperature(times_s=temperature.times_s, values_degc=values, acts_on=temperature.acts_on)
+        return replace(self, run=replace(self.run, scenario=self.run.scenario.model_copy(update={"temperature": moved})))
 
 
 def from_recording(recording: Recording, described: Device | None = None) -> Driven:

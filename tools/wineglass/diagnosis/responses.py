@@ -26,9 +26,10 @@ NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference")
 """Effects whose mean over a frame is nothing: diagnosis/noise_level.py looks for them."""
 STEP_S = 0.04  # of the envelope twin
 SLOPE_STEP = 0.02  # standard deviations
-WANDER_TERMS = 24
+WANDER, WANDER_TERMS = "wander of ", 24
 REACH = 10.0  # prior of a strength: so many times its typical size
 OFFSET_S = 1e-3  # between the clocks of rate table and device
+SHELL = "shell reference"
 SHELL_OFFSET_DEGC = 0.05  # of a bench's shell thermometer
 POLAR = {"frequency_split": ("split_hz", "slope_hz_per_degc"), "damping_mismatch": ("mismatch", "slope_per_degc")}
 """Effects with an axis: size and axis are two Cartesian components of double the angle."""
@@ -68,10 +69,12 @@ class Responses:
 
 
 class Bench:
-    """Runs the envelope twin over the recorded inputs, again and again. unit: the device in truth."""
+    """Runs the envelope twin over the recorded inputs, again and again. unit: the device in truth; shell_off: by how much the bench's shell
+    thermometer reads too little, in standard deviations."""
 
-    def __init__(self, driven: Driven, grid: Grid, names: Sequence[str], unit: Unit | None = None):
-        self.driven, self.grid = driven, grid
+    def __init__(self, driven: Driven, grid: Grid, names: Sequence[str], unit: Unit | None = None, shell_off: float = 0.0):
+        self.driven, self.grid, self.shell_off = driven.warmer(shell_off * SHELL_OFFSET_DEGC), grid, shell_off
+        self._as_recorded = driven
         self.unit = Unit.of(driven.run.device) if unit is None else unit
         self.names = tuple(name for name in names if name in ENVELOPE_CHANNELS)
         self._ticks = max(1, round(grid.frame_s * driven.run.device.slow_rate_hz))
@@ -80,6 +83,18 @@ class Bench:
         self._inputs: Inputs | None = None
         self._truth = self.unit.device
         self.nominal = self.run()
+
+    def at(self, unit: Unit, shell_off: float) -> Bench:
+        return Bench(self._as_recorded, self.grid, self.names, unit, shell_off)
+
+    def centre(self, nuisances: Sequence[str], unit: Unit | None = None) -> np.ndarray:
+        """(m,): where the bench's runs have what is uncertain, in standard deviations. unit: None is the bench's own."""
+        found = np.zeros(len(nuisances))
+        off = (unit or self.unit).off
+        found[: len(off)] = off
+        if SHELL in nuisances:
+            found[nuisances.index(SHELL)] = self.shell_off
+        return found
 
     def run(self, settings: Sequence[Setting] = (), truth: Device | None = None, shell_offset_degc: float = 0.0) -> np.ndarray:
         """(channels, n) with effects switched on, or with another device in truth."""
@@ -126,7 +141,7 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
         if found:
             variants[effect.id] = found
         advance()
-    centre = np.concatenate([bench.unit.off, np.zeros(len(nuisances) - len(bench.unit.off))])
+    centre = bench.centre([columns[i].name for i in nuisances])
     return Responses(bench.names, bench.nominal, tuple(columns), np.array(values), nuisances, centre, variants)
 
 
@@ -146,7 +161,7 @@ def uncertainties(bench: Bench, settings: Sequence[Setting] = (), unit: Unit | N
             slope = (at - bench.run(settings, truth=about.nudged(i, -SLOPE_STEP))) / SLOPE_STEP
         found.append((item.name, slope))
     if bench.driven.shell_known:
-        found.append(("shell reference", bench.run(settings, shell_offset_degc=SHELL_OFFSET_DEGC) - at))
+        found.append((SHELL, bench.run(settings, shell_offset_degc=SHELL_OFFSET_DEGC) - at))
     if bench.driven.rate_known:
         found.append(("clock of the rate table", np.gradient(at, bench.grid.frame_s, axis=1) * OFFSET_S))
     return [*found, *_wander(bench)]
@@ -167,7 +182,7 @@ def _wander(bench: Bench) -> list[tuple[str, np.ndarray]]:
             for k, wave in enumerate(waves):
                 column = np.zeros((len(bench.names), n))
                 column[bench.names.index(name)] = size * np.sqrt(2.0 / WANDER_TERMS) * wave
-                found.append((f"wander of {name} {k + 1}", column))
+                found.append((f"{WANDER}{name} {k + 1}", column))
     return found
 
 

@@ -34,8 +34,8 @@ SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may lea
 SWITCHING = 12  # frames after the loop was opened or closed
 HELD_OUT_SLACK = 2.0  # energy: of noise alone
 STRONG, SETTLED_SETS = 1e4, 4  # energy beyond which an effect changes what the uncertain values do; so many sets are then closed again
-UNIT_ROUNDS, UNIT_STEP = 5, 0.01  # the unit is found when no value moves by more standard deviations
-FULL_ROUNDS, FULL_STEP = 2, 0.1  # of the full twin at the unit
+UNIT_ROUNDS, UNIT_GAIN = 5, 2.0  # nats: the unit is found when moving it gains no more
+FULL_ROUNDS = 3  # of the full twin at the unit
 BEND = 0.03  # of the rate's span: a second difference beyond that is a step
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
@@ -100,7 +100,7 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     bench, _ = _settled(bench, setting, Frames(grid, bench.names, bench.nominal, np.ones_like(bench.nominal, bool)))
     advance()
     bench, base = _on_the_full_twin(bench, setting)
-    driven = replace(driven, run=Run(driven.run.scenario, driven.run.device, bench.unit.device))
+    driven = replace(bench.driven, run=Run(bench.driven.run.scenario, driven.run.device, bench.unit.device))
     bench.driven = driven
     advance()
     found = responses.respond(bench, without)
@@ -143,15 +143,15 @@ def _settled(bench: Bench, setting: _Setting, base: Frames) -> tuple[Bench, Fram
     base: frames of some twin of the bench's unit."""
     for _ in range(UNIT_ROUNDS):
         built = setting.system(bench, base)
-        slopes = np.array([slope[setting.pick] for _, slope in responses.uncertainties(bench)])
-        centre = np.concatenate([bench.unit.off, np.zeros(len(slopes) - len(bench.unit.off))])
-        white = built.whiten(slopes)
-        table = system.products(built, white, centre)
-        off = _within_tolerance(table, built, len(slopes))[: len(bench.unit.off)]
-        unit = bench.unit.at(off)
-        if float(np.max(np.abs(unit.off - bench.unit.off), initial=0.0)) < UNIT_STEP:
+        named = responses.uncertainties(bench)
+        names = [name for name, _ in named]
+        centre = bench.centre(names)
+        table = system.products(built, built.whiten(np.array([slope[setting.pick] for _, slope in named])), centre)
+        change, gained = _within_tolerance(table, built, names)
+        if gained < UNIT_GAIN:
             break
-        moved = Bench(bench.driven, bench.grid, bench.names, unit)
+        shell_off = bench.shell_off + (change[names.index(responses.SHELL)] if responses.SHELL in names else 0.0)
+        moved = bench.at(bench.unit.toward(change[: len(bench.unit.off)]), shell_off)
         values = base.values.copy()
         for i, name in enumerate(bench.names):
             values[base.names.index(name)] += moved.nominal[i] - bench.nominal[i]
@@ -162,21 +162,27 @@ def _settled(bench: Bench, setting: _Setting, base: Frames) -> tuple[Bench, Fram
 def _on_the_full_twin(bench: Bench, setting: _Setting) -> tuple[Bench, Frames]:
     """The unit again, with the full twin run at it; once more where it then moved, as the envelope twin is a little off."""
     for _ in range(FULL_ROUNDS):
-        ran = bench.unit.off
         base = _with_ideal_thermometer(full_twin(bench.driven, bench.grid, truth=bench.unit.device), bench)
-        bench, base = _settled(bench, setting, base)
-        if float(np.max(np.abs(bench.unit.off - ran), initial=0.0)) < FULL_STEP:
+        moved, base = _settled(bench, setting, base)
+        if moved is bench:
             break
+        bench = moved
     return bench, base
 
 
-def _within_tolerance(table: system.Products, built: System, count: int) -> np.ndarray:
-    """Coefficients (count,) of what is uncertain; channels in which much more is left than noise count less."""
+def _within_tolerance(table: system.Products, built: System, names: list[str]) -> tuple[np.ndarray, float]:
+    """By how much (count,) what is uncertain should move, and what that gains, in nats, over what wanders moving alone. Channels in which much more
+    is left than noise count less."""
     softening = np.ones(len(built.names))
     for _ in range(4):
-        fitted = explain.explained(table, softening, count, [], (), 0.0)
+        fitted = explain.explained(table, softening, len(names), [], (), 0.0)
         softening = np.maximum(1.0, fitted.left / np.maximum(built.n_rows, 1))
-    return fitted.coefficients
+    gram = table.pooled(softening)
+    costs = []
+    for places in ([i for i, name in enumerate(names) if name.startswith(responses.WANDER)], list(range(len(names)))):
+        change, _ = explain.posterior_mean(gram, places)
+        costs.append(-0.5 * float(gram[places, -1] @ change))
+    return change, costs[0] - costs[1]
 
 
 def _hold_out(closed: list[Closed], held_none: np.ndarray, softening: np.ndarray) -> None:

@@ -14,6 +14,8 @@ from wineglass.device import Device, Tolerance
 from wineglass.errors import BadInput
 
 FARTHEST = 3.0
+PLANES = (("resonator.split_hz", "resonator.split_axis_deg"), ("resonator.damping_mismatch", "resonator.damping_axis_deg"))
+"""Size and axis of something with two components: of double the angle."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,24 @@ class Unit:
                 continue
             return Unit(self.described, self.uncertain, wanted)
         return self
+
+    def toward(self, change: np.ndarray) -> Unit:
+        """The unit after a small change (m,). A size and its axis move along straight lines of their plane: what couples the modes is linear there,
+        and an axis alone turns in circles."""
+        moved = self.off + change
+        place = {item.path: i for i, item in enumerate(self.uncertain)}
+        for size, axis in PLANES:
+            if size in place and axis in place:
+                moved[[place[size], place[axis]]] = self._along(place[size], place[axis], change)
+        return self.at(moved)
+
+    def _along(self, size: int, axis: int, change: np.ndarray) -> tuple[float, float]:
+        steps = np.array([self.uncertain[i].step for i in (size, axis)])
+        length, angle_deg = (float(_value(self.device, self.uncertain[i].path)) for i in (size, axis))  # type: ignore[arg-type]
+        longer, turned_deg = steps * change[[size, axis]]
+        point = complex(length + longer, 2.0 * length * np.radians(turned_deg))
+        found = np.array([abs(point) - length, np.degrees(0.5 * np.angle(point))]) / steps
+        return float(self.off[size] + found[0]), float(self.off[axis] + found[1])
 
     def nudged(self, index: int, by: float) -> Device:
         off = self.off.copy()
