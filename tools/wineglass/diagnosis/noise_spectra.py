@@ -4,7 +4,7 @@
 
 Patterns: a noisy pickoff is white in both quadratures of its axis; jitter of the clock moves the phase, so it is in the primary's quadrature in
 proportion to the amplitude, and (white jitter) a third of it in phase; flicker is a rate, so it is in the secondary axis' in-phase channel alone, and
-low. Likelihood of band powers (Whittle); strengths and the floor's tolerance are integrated over grids, so that evidences can be compared."""
+low. Likelihood of band powers (Whittle); strengths and the floor's tolerance are integrated (noise_mixture.py), so that evidences can be compared."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from wineglass.calibration_block import Calibration
 from wineglass.device import Device
 from wineglass.diagnosis import noise_windows
 from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, RATE, SECONDARY, FloorModel, Pickoff, flicker, relaxations
+from wineglass.diagnosis.noise_mixture import WANDERS, Mixture
 from wineglass.diagnosis.noise_windows import Windows
 from wineglass.recording.reader import Tap
 
@@ -34,15 +35,13 @@ MODEL_ERROR, MODEL_ERROR_AT_1_HZ = 0.05, 0.1
 """relative, of a band: what the closed forms may be off, beyond the stated tolerance, and what slow content may have left, falling with f"""
 WANDER_ERROR = 0.5
 """relative, of the described slow noise: the description gives its size, not its form"""
-_WANDERS = np.array([0.0, 0.3, 0.7, 1.1])
-"""squares' roots of how much of it this unit may have"""
 LEAST_SENSITIVITY = 0.08
 """where a loop leaves less of the noise's power, slow content counts for more than noise"""
 SLOW_TO_HZ, SMOOTH_SHARE = 3.0, 1.3
 """a low band whose power depends on how much of a polynomial was taken out holds slow content and no noise"""
 LINE_RATIO = 4.0
-NODES, FINE_NODES = 24, 400
-"""of a strength: for evidence, and for its interval"""
+FINE_NODES = 400
+"""of a strength, for its interval"""
 _FLOOR_NODES = np.array([-2.0, -1.2, -0.6, 0.0, 0.6, 1.2, 2.0])
 EFFECTS = ("excess_noise", "clock_jitter", "flicker_noise", "other")
 
@@ -275,13 +274,9 @@ class _Axis:
 
     def __init__(self, bands: list[Band], device: Device):
         self.bands = bands
-        self._power = np.array([band.power for band in bands])
-        self._shape = np.array([band.shape for band in bands])
-        self._noise = np.array([band.floor_noise for band in bands])
-        self._steps = np.array([band.floor_steps for band in bands])
-        self._wander = np.array([band.floor_wander for band in bands])
+        rows = [(band.power, band.shape, band.floor_noise, band.floor_steps, band.floor_wander) for band in bands]
+        self._mixture = Mixture(*np.array(rows).reshape(-1, 5).T, _tolerance(device))
         self._sources = sources(device)
-        self._tolerance = _tolerance(device)
         self._cache: dict[frozenset[str], float] = {}
 
     def log_evidence(self, effects: frozenset[str]) -> float:
@@ -301,30 +296,29 @@ class _Axis:
             return kinds + ([[f"other_{c}" for c in channels], [f"other_slow_{c}" for c in channels]] if len(channels) == 2 else [])
         return [[name] for name, source in self._sources.items() if source.effect == effect and name in answers]
 
-    def _nodes(self, name: str, count: int = NODES) -> np.ndarray:
-        """Strengths squared."""
+    def _range(self, name: str) -> tuple[float, float]:
+        """Of a strength squared."""
         if name in self._sources:
-            return np.asarray(self._sources[name].nodes(count) ** 2)
-        floor = float(np.mean(self._noise + self._steps))
-        return floor * np.geomspace(0.1, 1e5, NODES)
+            return self._sources[name].low ** 2, self._sources[name].high ** 2
+        floor = float(np.mean(self._mixture.noise + self._mixture.steps))
+        return 0.1 * floor, 1e5 * floor
 
     def _answer(self, name: str) -> np.ndarray:
         return np.array([band.answers.get(name, 0.0) for band in self.bands])
 
     def _integrated(self, names: list[str]) -> float:
         """Log evidence with these sources' strengths and the floor's tolerance integrated."""
-        return float(logsumexp(self._log_joint(names)) - sum(math.log(len(self._nodes(name))) for name in names))
+        low, high = np.array([self._range(name) for name in names]).reshape(-1, 2).T
+        return self._mixture.log_evidence(np.array([self._answer(name) for name in names]).reshape(-1, len(self.bands)), low, high)
 
-    def _log_joint(self, names: list[str], count: int = NODES) -> np.ndarray:
-        """Log likelihood plus the floor's log weight, (floor and wander nodes, nodes of the first source, of the second, ...)."""
-        floor_weight = np.repeat(-0.5 * _FLOOR_NODES**2, len(_WANDERS))
-        floor_weight -= logsumexp(floor_weight)
-        model = np.repeat(self._noise * np.exp(self._tolerance * _FLOOR_NODES)[:, None], len(_WANDERS), axis=0) + self._steps
-        model += np.tile(_WANDERS**2, len(_FLOOR_NODES))[:, None] * self._wander
-        for name in names:
-            model = model[..., None, :] + self._nodes(name, count)[:, None] * self._answer(name)
-        log_likelihood = -np.sum(self._shape * (np.log(model) + self._power / model - np.log(self._power) - 1.0), axis=-1)
-        return np.asarray(log_likelihood + floor_weight.reshape(-1, *[1] * len(names)))
+    def _log_posterior(self, name: str, nodes: np.ndarray) -> np.ndarray:
+        """Of the strengths of one source, the floor integrated, (nodes,)."""
+        mixture = self._mixture
+        weight = np.repeat(-0.5 * _FLOOR_NODES**2, len(WANDERS))
+        floor = np.repeat(mixture.noise * np.exp(mixture.tolerance * _FLOOR_NODES)[:, None], len(WANDERS), axis=0) + mixture.steps
+        floor += np.tile(WANDERS**2, len(_FLOOR_NODES))[:, None] * mixture.wander
+        joint = mixture.log_likelihood(floor[:, None, :] + nodes[:, None] ** 2 * self._answer(name))
+        return np.asarray(logsumexp(joint + weight[:, None], axis=0))
 
     def estimates(self, effect: str) -> list[Estimate]:
         """Of the best variant of an effect alone, on this axis."""
@@ -332,10 +326,10 @@ class _Axis:
         if not variants or effect == "other":
             return []
         name = max((variant[0] for variant in variants), key=lambda item: self._integrated([item]))
-        joint = self._log_joint([name], FINE_NODES)
-        weight = np.exp(joint - joint.max()).sum(axis=0)
-        cumulative = np.cumsum(weight) / weight.sum()
         nodes = self._sources[name].nodes(FINE_NODES)
+        score = self._log_posterior(name, nodes)
+        cumulative = np.cumsum(np.exp(score - score.max()))
+        cumulative /= cumulative[-1]
         low, middle, high = (float(np.interp(level, cumulative, nodes)) for level in (0.025, 0.5, 0.975))
         return [Estimate(name, self._sources[name].unit, middle, low, high)]
 
