@@ -27,7 +27,7 @@ FLOOR_KNOWN = 1.15  # the floor's variance comes from a short run: it is known t
 GENERIC_SIZES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 KEPT_VARIANTS = 2
 KEPT_PAIRS = 40
-JITTER = 1e-10  # relative
+JITTER = 1e-12  # relative
 Support = tuple[str, ...]
 
 
@@ -74,11 +74,14 @@ def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, flo
 
 def within(gram: np.ndarray, places: list[int], middle: np.ndarray, limit: float) -> np.ndarray:
     """Coefficients of `places` that stay within limit standard deviations of their priors' middles: bounded least squares, priors included."""
+    free, _ = posterior_mean(gram, places)
+    if np.all(np.abs(free - middle) <= limit):
+        return free
     part = gram[np.ix_(places, places)]
     size = np.sqrt(np.maximum(np.diagonal(part), 1e-12))
     factor = np.linalg.cholesky(part / np.outer(size, size) + np.diag(1.0 / size**2 + JITTER))
     target = solve_triangular(factor, gram[places, -1] / size, lower=True)
-    return lsq_linear(factor.T, target, bounds=((middle - limit) * size, (middle + limit) * size)).x / size
+    return lsq_linear(factor.T, target, bounds=((middle - limit) * size, (middle + limit) * size), method="bvls").x / size
 
 
 def _generic(projection: np.ndarray, softening: float) -> float:

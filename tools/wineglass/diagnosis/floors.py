@@ -1,4 +1,5 @@
-"""Noise of every slow channel as the described device should have it: a short run of the full twin at rest, and an autoregressive model."""
+"""Noise of every slow channel as the described device should have it: a short run of the full twin at rest, what the description grants beside it
+(described_noise.py), and an autoregressive model of both."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_toeplitz
 
-from wineglass.diagnosis import channels
+from wineglass.diagnosis import channels, described_noise
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.drive import Driven
 from wineglass.envelope import Envelope
@@ -18,7 +19,8 @@ from wineglass.simulation import in_memory
 
 REST_FRAMES = 280
 LEFT_OUT_S = 4.0
-ORDER = 4
+ORDER, SHORT_ORDER = 120, 4  # of the whole noise, which is slow; of what the short run shows
+DENSITIES = 1 << 14  # of a spectrum up to half the frame rate
 SEED = 7
 LEAST_INNOVATION = 0.2  # of the rms: a channel that seems more predictable than that was only short
 
@@ -33,11 +35,10 @@ class Floor:
 
     def whiten(self, channel: int, series: np.ndarray) -> np.ndarray:
         """Series (..., n) in the channel's unit -> innovations in units of the floor."""
-        white = np.array(series, dtype=np.float64)
-        for lag, coefficient in enumerate(self.coefficients[channel], start=1):
-            white[..., lag:] -= coefficient * series[..., :-lag]
-        white /= self.innovation[channel]
-        return white
+        count = series.shape[-1]
+        length = 1 << (count + ORDER - 1).bit_length()
+        taps = np.fft.rfft(np.concatenate([[1.0], -self.coefficients[channel]]) / self.innovation[channel], length)
+        return np.fft.irfft(np.fft.rfft(series, length) * taps, length)[..., :count]
 
 
 def at_rest(driven: Driven, grid: Grid, names: tuple[str, ...], loops: frozenset[str]) -> Floor:
@@ -70,15 +71,25 @@ def _resting(driven: Driven, grid: Grid, names: tuple[str, ...], loop: str) -> F
     ticks = max(1, round(grid.frame_s * run.device.slow_rate_hz))
     with Envelope(Run(resting, run.device, run.truth), calibration_block=driven.calibration_block, frame_ticks=ticks) as envelope:
         quiet = envelope.run()
-    return _model(frames, {name: quiet[name] for name in names}, names)
+    freq_hz = np.arange(1, DENSITIES + 1) / (2.0 * DENSITIES * grid.frame_s)
+    slow = described_noise.densities(Run(resting, run.device, run.truth), driven, grid.frame_s, names, freq_hz)
+    return _model(frames, {name: quiet[name] for name in names}, names, _covariances(slow, grid))
 
 
-def _model(frames: Frames, quiet: dict[str, np.ndarray], names: tuple[str, ...]) -> Floor:
-    """Noise: full twin minus envelope twin, so that transients of the start are no noise."""
+def _covariances(densities: np.ndarray, grid: Grid) -> np.ndarray:
+    """(channels, ORDER + 1) at lags of whole frames. What takes longer than the record is none of its noise."""
+    freq_hz = np.arange(DENSITIES + 1) / (2.0 * DENSITIES * grid.frame_s)
+    whole = np.pad(densities, ((0, 0), (1, 0)))
+    whole[:, freq_hz < 0.5 / (grid.count * grid.frame_s)] = 0.0
+    return np.fft.irfft(whole, axis=1)[:, : ORDER + 1] / (2.0 * grid.frame_s)
+
+
+def _model(frames: Frames, quiet: dict[str, np.ndarray], names: tuple[str, ...], slow: np.ndarray) -> Floor:
+    """Noise: full twin minus envelope twin, so that transients of the start are no noise; and what is described beside it, (channels, ORDER + 1)."""
     rows = []
-    for name in names:
+    for name, covariance in zip(names, slow, strict=True):
         use = (frames.grid.time_s > LEFT_OUT_S) & frames.use[frames.names.index(name)]
-        rows.append(_autoregression(_detrended((frames[name] - quiet[name][: frames.grid.count])[use])))
+        rows.append(_with_slow(_autoregression(_detrended((frames[name] - quiet[name][: frames.grid.count])[use])), covariance))
     rms, innovation, coefficients = zip(*rows, strict=True)
     return Floor(np.array(rms), np.array(innovation), np.array(coefficients))
 
@@ -91,10 +102,27 @@ def _detrended(values: np.ndarray) -> np.ndarray:
 def _autoregression(noise: np.ndarray) -> tuple[float, float, np.ndarray]:
     """Yule-Walker. rms, innovation, coefficients; zeros for a channel without noise."""
     n = len(noise)
-    covariance = np.array([noise[: n - lag] @ noise[lag:] / n for lag in range(ORDER + 1)])
+    covariance = np.array([noise[: n - lag] @ noise[lag:] / n for lag in range(SHORT_ORDER + 1)])
     if covariance[0] <= 0.0:
-        return 0.0, 0.0, np.zeros(ORDER)
-    coefficients = solve_toeplitz(covariance[:ORDER], covariance[1:])
+        return 0.0, 0.0, np.zeros(SHORT_ORDER)
+    coefficients = solve_toeplitz(covariance[:SHORT_ORDER], covariance[1:])
     variance = covariance[0] - coefficients @ covariance[1:]
     rms = float(np.sqrt(covariance[0]))
     return rms, max(float(np.sqrt(max(variance, 0.0))), LEAST_INNOVATION * rms), coefficients
+
+
+def _with_slow(short: tuple[float, float, np.ndarray], slow: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """rms, innovation and coefficients (ORDER,) of the sum of an autoregressive noise and of one with these covariances (ORDER + 1,)."""
+    if short[0] == 0.0:
+        return 0.0, 0.0, np.zeros(ORDER)
+    covariance = slow + _covariance_of(short)
+    coefficients = solve_toeplitz(covariance[:ORDER], covariance[1:])
+    variance = covariance[0] - coefficients @ covariance[1:]
+    return float(np.sqrt(covariance[0])), float(np.sqrt(variance)), coefficients
+
+
+def _covariance_of(short: tuple[float, float, np.ndarray]) -> np.ndarray:
+    """(ORDER + 1,) of an autoregressive noise."""
+    _, innovation, coefficients = short
+    response = np.fft.rfft(np.concatenate([[1.0], -coefficients]), 2 * DENSITIES)
+    return np.fft.irfft(innovation**2 / np.abs(response) ** 2)[: ORDER + 1]

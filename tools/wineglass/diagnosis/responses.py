@@ -14,6 +14,7 @@ import numpy as np
 from wineglass import effects
 from wineglass.device import Device
 from wineglass.diagnosis.channels import Grid
+from wineglass.diagnosis.described_noise import FLAT_ALLAN, direct_floors
 from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.unit import Unit
 from wineglass.effects import Setting
@@ -27,6 +28,7 @@ NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference")
 STEP_S = 0.04  # of the envelope twin
 SLOPE_STEP = 0.02  # standard deviations
 WANDER, WANDER_TERMS = "wander of ", 24
+WANDER_PROBE, WANDER_PROBE_RAD_S = 1e-3, 1e-5
 REACH = 10.0  # prior of a strength: so many times its typical size
 OFFSET_S = 1e-3  # between the clocks of rate table and device
 SHELL = "shell reference"
@@ -83,6 +85,8 @@ class Bench:
         self._inputs: Inputs | None = None
         self._truth = self.unit.device
         self.nominal = self.run()
+        self.slopes: list[tuple[str, np.ndarray]] | None = None
+        """`uncertainties` about this bench, once they are known"""
 
     def at(self, unit: Unit, shell_off: float) -> Bench:
         return Bench(self._as_recorded, self.grid, self.names, unit, shell_off)
@@ -151,8 +155,16 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
 def uncertainties(bench: Bench, settings: Sequence[Setting] = (), unit: Unit | None = None) -> list[tuple[str, np.ndarray]]:
     """What one standard deviation of everything uncertain does, (channels, n) each, with the effects of `settings` switched on, about a unit
     (None: the bench's). Slopes, not differences: a tolerance and an effect that is the same thing must look the same."""
-    about = unit or bench.unit
-    at = bench.run(settings, truth=about.device) if settings or unit is not None else bench.nominal
+    if settings or unit is not None:
+        about = unit or bench.unit
+        return _slopes(bench, settings, about, bench.run(settings, truth=about.device))
+    if bench.slopes is None:
+        bench.slopes = _slopes(bench, settings, bench.unit, bench.nominal)
+    return bench.slopes
+
+
+def _slopes(bench: Bench, settings: Sequence[Setting], about: Unit, at: np.ndarray) -> list[tuple[str, np.ndarray]]:
+    """at (channels, n): the run that they start from."""
     found = []
     for i, item in enumerate(about.uncertain):
         try:
@@ -168,21 +180,31 @@ def uncertainties(bench: Bench, settings: Sequence[Setting] = (), unit: Unit | N
 
 
 def _wander(bench: Bench) -> list[tuple[str, np.ndarray]]:
-    """What the description's noise floors allow a healthy device to wander: cosines over the record, each channel's rms as described."""
-    device = bench.driven.run.device
-    floor, resonator = device.noise_floor, device.resonator
-    scale = 2.0 * float(resonator.decay_rate_at(resonator.reference_temperature_degc)) / resonator.angular_gain
-    bias = floor.rate_bias_instability_rad_s * device.firmware.amplitude_fs
-    sizes = {"temperature_measured": floor.temperature_degc, "drive_frequency": 1e-6 * floor.frequency_ppm * resonator.frequency_hz,
-             "drive_level": floor.drive_level_relative / device.electronics.dac.drive_reach, "secondary_in_phase": bias / scale}
+    """What the description's noise floors allow a healthy device to wander slowly: cosines over the record, as large as their share of flicker noise."""
     n, found = bench.grid.count, []
-    waves = np.cos(np.pi * np.outer(np.arange(1, WANDER_TERMS + 1), np.arange(n) + 0.5) / n)
-    for name, size in sizes.items():
+    order = np.arange(1, WANDER_TERMS + 1)
+    waves = np.cos(np.pi * np.outer(order, np.arange(n) + 0.5) / n) * np.sqrt(2.0 / (FLAT_ALLAN * order))[:, None]
+    for source, response in _slow_sources(bench).items():
+        found += [(f"{WANDER}{source} {k}", response * wave) for k, wave in zip(order, waves, strict=True)]
+    return found
+
+
+def _slow_sources(bench: Bench) -> dict[str, np.ndarray]:
+    """(channels, n): what one described floor, held, does to every channel."""
+    floor, truth = bench.driven.run.device.noise_floor, bench.unit.device
+    found = {}
+    for name, size in direct_floors(bench.driven).items():
         if name in bench.names and size > 0.0:
-            for k, wave in enumerate(waves):
-                column = np.zeros((len(bench.names), n))
-                column[bench.names.index(name)] = size * np.sqrt(2.0 / WANDER_TERMS) * wave
-                found.append((f"{WANDER}{name} {k + 1}", column))
+            found[name] = np.zeros_like(bench.nominal)
+            found[name][bench.names.index(name)] = size
+    if floor.drive_level_relative > 0.0:
+        lossy = bench.run([Setting("damping_step", {"damping": WANDER_PROBE, "time_s": 0.0})])
+        found["losses"] = (lossy - bench.nominal) * (floor.drive_level_relative / WANDER_PROBE)
+    if floor.rate_bias_instability_rad_s > 0.0:
+        bias = list(truth.resonator.cross_damping_rad_s) or [0.0]
+        bias[0] += WANDER_PROBE_RAD_S
+        biased = bench.run(truth=truth.override({"resonator.cross_damping_rad_s": bias}))
+        found["bias"] = (biased - bench.nominal) * (floor.rate_bias_instability_rad_s / WANDER_PROBE_RAD_S)
     return found
 
 

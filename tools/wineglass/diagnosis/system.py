@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wineglass.diagnosis.channels import Frames, Grid
-from wineglass.diagnosis.floors import ORDER, Floor
+from wineglass.diagnosis.floors import SHORT_ORDER, Floor
 
 FOLDS = 5
 TRANSIENT = 3e-4  # of the change from frame to frame: what the primary's channels are not to be believed to while a loop settles
 LEAST_NOISE, MOST_NOISE = 0.8, 1.3  # of the described floor; more may be a gap that moves fast
 MOVING = 5e-4  # of the change from frame to frame of the secondary: so far the twins are believed to follow what moves fast
+LOSSES = 1.5  # floors of the losses: so much of their flicker is faster than what wanders
 JUMP = 1e-3  # of the change from frame to frame, where the rate steps: recorded means do not say how the step went
 SETTLING = ("primary_in_phase", "drive_level", "drive_frequency")
 REDUNDANT = ("rate_uncompensated", "rate", "quadrature")
@@ -66,12 +67,13 @@ def chosen(names: tuple[str, ...], floor: Floor) -> list[int]:
 
 
 def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], edges_s: list[float], jumps: np.ndarray,
-          regressors: np.ndarray) -> System:
-    """names: the channels of floor. jumps (n,): frames in which the rate steps; regressors (m, n): inputs that an unknown effect may follow."""
+          regressors: np.ndarray, losses: float = 0.0) -> System:
+    """names: the channels of floor. jumps (n,): frames in which the rate steps; regressors (m, n): inputs that an unknown effect may follow;
+    losses: relative floor of the resonator's, which open loop is one of the scale factor too."""
     grid = recorded.grid
     difference = np.array([recorded[name] - base[name] for name in names])
     use = np.array([recorded.use[recorded.names.index(n)] & base.use[base.names.index(n)] for n in names])
-    weight = use * _trust(base, names, floor, jumps)
+    weight = use * _trust(base, names, floor, jumps, losses)
     empty = System(grid, names, _scaled(floor, weight, difference), weight, _folds(grid, edges_s), (), difference)
     basis = tuple(_basis(empty, i, regressors) for i in range(len(names)))
     return replace(empty, basis=basis, data=empty.whiten(difference))
@@ -93,7 +95,7 @@ def spread(change: np.ndarray) -> float:
     return float(np.median(np.abs(change))) / (0.6745 * np.sqrt(2.0))
 
 
-def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray) -> np.ndarray:
+def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray, losses: float) -> np.ndarray:
     """Weights (channels, n): less where the noise grows with falling amplitude, and where loops settle."""
     weight = np.ones((len(names), base.grid.count))
     amplitude = base["primary_in_phase"] if "primary_in_phase" in base.names else np.ones(base.grid.count)
@@ -112,7 +114,9 @@ def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray
             axis = name.split("_")[0]
             both = np.maximum(*(np.abs(np.gradient(base[n])) if n in base.names else change for n in (f"{axis}_in_phase", f"{axis}_quadrature")))
             doubt = np.where(jumps, JUMP * np.maximum(both, np.roll(both, 1)), 0.0)
-            noise = np.hypot(noise, np.maximum.reduce([np.roll(doubt, k) for k in range(ORDER + 1)]))
+            noise = np.hypot(noise, np.maximum.reduce([np.roll(doubt, k) for k in range(SHORT_ORDER + 1)]))
+        if name.startswith("secondary"):
+            noise = np.hypot(noise, LOSSES * losses * np.abs(base[name]))
         weight[i] = floor.innovation[i] / noise
     return weight
 

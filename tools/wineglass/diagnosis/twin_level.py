@@ -19,6 +19,7 @@ from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.floors import Floor
 from wineglass.diagnosis.responses import Bench, Responses
 from wineglass.diagnosis.system import System
+from wineglass.diagnosis.unit import FARTHEST
 from wineglass.effects import Setting
 from wineglass.recording import Recording
 from wineglass.scenario import Run
@@ -34,7 +35,7 @@ SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may lea
 SWITCHING = 12  # frames after the loop was opened or closed
 HELD_OUT_SLACK = 2.0  # energy: of noise alone
 STRONG, SETTLED_SETS = 1e4, 4  # energy beyond which an effect changes what the uncertain values do; so many sets are then closed again
-UNIT_ROUNDS, UNIT_GAIN = 5, 2.0  # nats: the unit is found when moving it gains no more
+UNIT_ROUNDS, UNIT_GAIN, ROUGH_GAIN = 5, 2.0, 1e4  # nats: the unit is found when moving it gains no more; before the full twin was run
 FULL_ROUNDS = 3  # of the full twin at the unit
 BEND = 0.03  # of the rate's span: a second difference beyond that is a step
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
@@ -97,7 +98,7 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}))
     pick = system.chosen(bench.names, floor)
     setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid))
-    bench, _ = _settled(bench, setting, Frames(grid, bench.names, bench.nominal, np.ones_like(bench.nominal, bool)))
+    bench, _ = _settled(bench, setting, Frames(grid, bench.names, bench.nominal, np.ones_like(bench.nominal, bool)), ROUGH_GAIN)
     advance()
     bench, base = _on_the_full_twin(bench, setting)
     driven = replace(bench.driven, run=Run(bench.driven.run.scenario, driven.run.device, bench.unit.device))
@@ -135,20 +136,22 @@ class _Setting:
 
     def system(self, bench: Bench, base: Frames) -> System:
         names = tuple(bench.names[i] for i in self.pick)
-        return system.build(self.recorded, base, self.floor, names, self.edges_s, self.jumps, regressors(bench.driven, bench, base))
+        losses = bench.driven.run.device.noise_floor.drive_level_relative
+        return system.build(self.recorded, base, self.floor, names, self.edges_s, self.jumps, regressors(bench.driven, bench, base), losses)
 
 
-def _settled(bench: Bench, setting: _Setting, base: Frames) -> tuple[Bench, Frames]:
-    """The bench with the unit that fits the recording best within its tolerances, and the base moved to that unit as the envelope twin says.
-    base: frames of some twin of the bench's unit."""
+def _settled(bench: Bench, setting: _Setting, base: Frames, enough: float) -> tuple[Bench, Frames]:
+    """The bench with the unit that fits the recording best within its tolerances, until moving it gains less than `enough` nats, and the base moved
+    to that unit as the envelope twin says. base: frames of some twin of the bench's unit."""
     for _ in range(UNIT_ROUNDS):
         built = setting.system(bench, base)
         named = responses.uncertainties(bench)
         names = [name for name, _ in named]
         centre = bench.centre(names)
         table = system.products(built, built.whiten(np.array([slope[setting.pick] for _, slope in named])), centre)
-        change, gained = _within_tolerance(table, built, names)
-        if gained < UNIT_GAIN:
+        movable = [i for i, name in enumerate(names) if i < len(bench.unit.off) or name == responses.SHELL]
+        change, gained = _within_tolerance(table, built, movable)
+        if gained < enough:
             break
         shell_off = bench.shell_off + (change[names.index(responses.SHELL)] if responses.SHELL in names else 0.0)
         moved = bench.at(bench.unit.toward(change[: len(bench.unit.off)]), shell_off)
@@ -163,25 +166,27 @@ def _on_the_full_twin(bench: Bench, setting: _Setting) -> tuple[Bench, Frames]:
     """The unit again, with the full twin run at it; once more where it then moved, as the envelope twin is a little off."""
     for _ in range(FULL_ROUNDS):
         base = _with_ideal_thermometer(full_twin(bench.driven, bench.grid, truth=bench.unit.device), bench)
-        moved, base = _settled(bench, setting, base)
+        moved, base = _settled(bench, setting, base, UNIT_GAIN)
         if moved is bench:
             break
         bench = moved
     return bench, base
 
 
-def _within_tolerance(table: system.Products, built: System, names: list[str]) -> tuple[np.ndarray, float]:
-    """By how much (count,) what is uncertain should move, and what that gains, in nats, over what wanders moving alone. Channels in which much more
+def _within_tolerance(table: system.Products, built: System, movable: list[int]) -> tuple[np.ndarray, float]:
+    """By how much (count,) what is uncertain should move, and what moving these gains, in nats, over all others alone. Channels in which much more
     is left than noise count less."""
     softening = np.ones(len(built.names))
     for _ in range(4):
-        fitted = explain.explained(table, softening, len(names), [], (), 0.0)
+        fitted = explain.explained(table, softening, table.count, [], (), 0.0)
         softening = np.maximum(1.0, fitted.left / np.maximum(built.n_rows, 1))
     gram = table.pooled(softening)
     costs = []
-    for places in ([i for i, name in enumerate(names) if name.startswith(responses.WANDER)], list(range(len(names)))):
-        change, _ = explain.posterior_mean(gram, places)
-        costs.append(-0.5 * float(gram[places, -1] @ change))
+    everything = list(range(table.count))
+    for places in (sorted({*everything} - {*movable}), everything):
+        change = explain.within(gram, places, -table.about[places], FARTHEST)
+        part = gram[np.ix_(places, places)]
+        costs.append(0.5 * float(change @ part @ change + change @ change) - float(gram[places, -1] @ change))
     return change, costs[0] - costs[1]
 
 
