@@ -1,12 +1,14 @@
 """From scores to probabilities that can be believed.
 
-Three corrections to the plain posterior, all because forms are only approximately right:
+Four corrections to the plain posterior, all because forms are only approximately right:
 
 * Where a remainder larger than the floor is needed, the forms are known to be wrong, and differences of log evidence overstate what the data say.
   They are divided by 1 + 2 P(large remainder).
 * An explanation that imitates the best one's signal (leaves no more than IMITATES of the gap, in the same number of effects or fewer) cannot be
   excluded by its exact shape alone: its probability is kept within IMITATOR_NATS of the best.
 * What predicts held-out branches badly loses HELD_OUT_WEIGHT ln(rms) for it; below the floor's threshold all are equally good.
+* What is in no catalogue is fitted by something that is, better the more effects may take part. So a set keeps its probability by odds that
+  fall with the number of its effects and with the share of the gap that it leaves, in sample and on held-out blocks; the rest goes to `other`.
 """
 
 from __future__ import annotations
@@ -32,6 +34,10 @@ SIMPLER = 0.5  # an explanation is dropped for a part of it that is at least thi
 LISTED = 12
 OPEN = 1.5  # a miss on held-out blocks within this times what the fit leaves open is no evidence against it
 LEAST_NAMED = 0.02  # an explanation that is less probable is not named
+TRUE_ODDS = (20.0, 5.0, 0.7)  # that one, two, three effects which leave nothing are really it, and no imitation of something unknown
+ONE_BRANCH_ODDS = 0.25  # times those, where the temperature moves in one direction only and any smooth function of time will do
+FORM_ERROR = 0.3  # share of the gap: what a true effect leaves, as its form is not exactly nature's; the odds fall e-fold with each
+UNFOLLOWED = 0.7  # share taken for sets whose residuals were not computed
 
 
 @dataclass(frozen=True)
@@ -76,8 +82,34 @@ def raw_log(scores: Scores) -> dict[tuple[str, ...], float]:
     return logs | {support: float(logsumexp(row)) for support, row in table.items()}
 
 
-def posterior(scores: Scores, left: dict[tuple[str, ...], float], held: dict[tuple[str, ...], HeldOut], threshold: float) -> Posterior:
-    """left, held: support -> what it leaves, in sample and on held-out blocks; () is without any effect."""
+@dataclass(frozen=True)
+class Leftover:
+    """What explanations leave. left, held: support -> in sample, on held-out blocks; () is without any effect. floor, threshold: rms of
+    noise, and its 99 % quantile; one_branch: the temperature moves in one direction only."""
+
+    left: dict[tuple[str, ...], float]
+    held: dict[tuple[str, ...], HeldOut]
+    floor: float
+    threshold: float
+    one_branch: bool = False
+
+    def share(self, ids: tuple[str, ...], remainder: float) -> float:
+        """Of the gap's amplitude, where it is worse: in sample or held out. remainder: probability that what is left in sample is more than noise."""
+        if ids not in self.left:
+            return UNFOLLOWED
+        sample = remainder * share_left(self.left[ids], self.left[()], self.floor)
+        held, bare = self.held[ids], self.held[()].rms
+        beyond = max(0.0, held.rms**2 - max(self.threshold, held.uncertain) ** 2) / max(bare**2, 1e-300)
+        return max(sample, float(np.sqrt(beyond)))
+
+    def belief(self, ids: tuple[str, ...], remainder: float) -> float:
+        """Probability that a set which explains the data best is really it."""
+        odds = TRUE_ODDS[len(ids) - 1] * (ONE_BRANCH_ODDS if self.one_branch else 1.0) * float(np.exp(-self.share(ids, remainder) / FORM_ERROR))
+        return odds / (1.0 + odds)
+
+
+def posterior(scores: Scores, leftover: Leftover) -> Posterior:
+    left, held, threshold = leftover.left, leftover.held, leftover.threshold
     logs = raw_log(scores)
     all_rows = scores.by_support
     large = float(np.exp(logsumexp(all_rows[:, 1:]) - logsumexp(all_rows)))
@@ -89,8 +121,23 @@ def posterior(scores: Scores, left: dict[tuple[str, ...], float], held: dict[tup
     total = logsumexp(list(logs.values()))
     table = dict(zip(scores.supports, all_rows))
     best = max((s for s in table if s), key=lambda s: logs[s])
-    remainder = float(np.exp(logsumexp(table[best][1:]) - logsumexp(table[best])))
-    return Posterior(_listed({ids: float(np.exp(v - total)) for ids, v in logs.items()}), coarsening, remainder)
+    plain = {ids: float(np.exp(v - total)) for ids, v in logs.items()}
+    return Posterior(_listed(_believed(plain, table, leftover)), coarsening, _remainder(table[best]))
+
+
+def _remainder(row: np.ndarray) -> float:
+    """Probability that a support leaves more than the floor; row: log evidence by class of noise."""
+    return float(np.exp(logsumexp(row[1:]) - logsumexp(row)))
+
+
+def _believed(plain: dict[tuple[str, ...], float], table: dict[tuple[str, ...], np.ndarray], leftover: Leftover) -> dict[tuple[str, ...], float]:
+    """What is not believed of each set goes to `other`."""
+    believed = dict(plain)
+    for ids in table:
+        if ids:
+            believed[ids] = plain[ids] * leftover.belief(ids, _remainder(table[ids]))
+            believed[(OTHER,)] += plain[ids] - believed[ids]
+    return believed
 
 
 def _charged(found: HeldOut, bare: HeldOut) -> float:

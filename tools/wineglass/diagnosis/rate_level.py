@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wineglass.diagnosis import bayes, columns, gap, noise_models, parameters, split
-from wineglass.diagnosis.blocks import Blocks, make_blocks
+from wineglass.diagnosis.blocks import STEADY_DEGC, Blocks, make_blocks
 from wineglass.diagnosis.columns import Design
 from wineglass.diagnosis.evidence import Evidence
 from wineglass.diagnosis.gap import Floor, Fraction
-from wineglass.diagnosis.probabilities import HeldOut, Posterior, alternatives, posterior, share_left
+from wineglass.diagnosis.probabilities import HeldOut, Leftover, Posterior, alternatives, posterior, share_left
 from wineglass.diagnosis.split import Split
 
 ENGINE = "rate_level"
@@ -92,7 +92,8 @@ def analyse(evidence: Evidence, advance: Callable[[], None] = lambda: None, with
     held_rms = trial.cross_validated(groups)
     advance()
     null = gap.floor(design, parts, blocks.white_rad_s, _null_fits(design, scores, blocks, scores.supports[int(np.argmax(_totals(scores)))]))
-    found = posterior(scores, left, held_rms, null.threshold)
+    one_branch = len(blocks.branches) < 2 and float(np.ptp(blocks.temperature_degc)) >= STEADY_DEGC and not design.calibrated
+    found = posterior(scores, Leftover(left, held_rms, null.rms, null.threshold, one_branch))
     explanations = alternatives(found, left, held_rms, null.rms, null.threshold)
     best = next((s for s in explanations if s in residuals), ())
     before = residuals[()]

@@ -20,7 +20,8 @@ from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, s
 UNIT = "rad/s"
 ATTRIBUTED_LEFT = 0.15  # a single explanation must do better, where what it leaves is no noise
 LEAST_SPAN_DEGC = 5.0
-UNKNOWN_ABOVE = 0.5
+UNKNOWN_ABOVE = 0.8
+LISTED_ABOVE = 0.15  # that it is something else is then one of the explanations
 UNKNOWN_LEFT = 0.4  # of the gap: when more than that stays and is no noise, the verdict is unknown
 LEAST_REMOVED = 0.1  # of the held-out gap
 HISTORY = {"thermometer_lag", "thermal_gradient", "thermal_hysteresis", "ageing"}
@@ -53,8 +54,8 @@ def decide(found: Analysis) -> Outcome:
     if _poor(found):
         listed = [*named, *_not_excluded(found, named)]
         return Outcome("ambiguous", listed if len(listed) > 1 else [*listed, (OTHER,)])
-    if len(named) > 1:
-        return Outcome("ambiguous", named)
+    if len(named) > 1 or probability[(OTHER,)] > LISTED_ABOVE:
+        return Outcome("ambiguous", [*named, (OTHER,)] if probability[(OTHER,)] > LISTED_ABOVE else named)
     if doubtful and found.share_left > ATTRIBUTED_LEFT:
         return Outcome("unknown", named[:1])
     if not _earned(found, named[0]) or found.cancelling(named[0]) or (_one_cycle(found) and HISTORY & set(named[0])):
