@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import fft
 
 from wineglass.diagnosis.drive import Driven
 from wineglass.effects import Setting
@@ -26,7 +27,7 @@ STEPPED = {"rate_bias_instability_rad_s": ("secondary_in_phase", "rebalance_in_p
 
 def densities(resting: Run, driven: Driven, frame_s: float, names: Sequence[str], freq_hz: np.ndarray) -> np.ndarray:
     """(channels, n): one-sided spectral densities of frame means in the channels' units^2/Hz. resting: the device standing still in the loop of
-    interest; freq_hz (n,), above zero."""
+    interest; freq_hz (n,): n even steps up to half the frame rate, without zero."""
     found = np.zeros((len(names), len(freq_hz)))
     flicker = 1.0 / (FLAT_ALLAN * freq_hz)
     for name, size in direct_floors(driven).items():
@@ -39,7 +40,7 @@ def densities(resting: Run, driven: Driven, frame_s: float, names: Sequence[str]
             steps = _answer(resting, driven, frame_s, source)
             for name in channels:
                 if name in names and name in steps:
-                    found[names.index(name)] = size**2 * flicker * _gain_squared(steps[name], frame_s, freq_hz)
+                    found[names.index(name)] = size**2 * flicker * _gain_squared(steps[name], len(freq_hz))
     return found
 
 
@@ -71,8 +72,6 @@ def _answer(resting: Run, driven: Driven, frame_s: float, source: str) -> dict[s
     return {name: (moved[name] - plain[name])[first : first + FRAMES] / size for name in STEPPED[source]}
 
 
-def _gain_squared(steps: np.ndarray, frame_s: float, freq_hz: np.ndarray) -> np.ndarray:
-    """(n,): of a filter with this step response (FRAMES,)."""
-    pulse = np.diff(steps, prepend=0.0)
-    turns = np.outer(freq_hz, np.arange(len(pulse)) * frame_s)
-    return np.abs(np.exp(-2j * np.pi * turns) @ pulse) ** 2
+def _gain_squared(steps: np.ndarray, count: int) -> np.ndarray:
+    """(count,): of a filter with this step response (FRAMES,), at even steps up to half the frame rate."""
+    return np.abs(fft.rfft(np.diff(steps, prepend=0.0), 2 * count)[1:]) ** 2

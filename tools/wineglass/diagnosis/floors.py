@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import fft
 from scipy.linalg import solve_toeplitz
 
 from wineglass.diagnosis import channels, described_noise
@@ -36,9 +37,9 @@ class Floor:
     def whiten(self, channel: int, series: np.ndarray) -> np.ndarray:
         """Series (..., n) in the channel's unit -> innovations in units of the floor."""
         count = series.shape[-1]
-        length = 1 << (count + ORDER - 1).bit_length()
-        taps = np.fft.rfft(np.concatenate([[1.0], -self.coefficients[channel]]) / self.innovation[channel], length)
-        return np.fft.irfft(np.fft.rfft(series, length) * taps, length)[..., :count]
+        length = fft.next_fast_len(count + ORDER, real=True)
+        taps = fft.rfft(np.concatenate([[1.0], -self.coefficients[channel]]) / self.innovation[channel], length)
+        return fft.irfft(fft.rfft(series, length) * taps, length)[..., :count]
 
 
 def at_rest(driven: Driven, grid: Grid, names: tuple[str, ...], loops: frozenset[str]) -> Floor:
@@ -81,7 +82,7 @@ def _covariances(densities: np.ndarray, grid: Grid) -> np.ndarray:
     freq_hz = np.arange(DENSITIES + 1) / (2.0 * DENSITIES * grid.frame_s)
     whole = np.pad(densities, ((0, 0), (1, 0)))
     whole[:, freq_hz < 0.5 / (grid.count * grid.frame_s)] = 0.0
-    return np.fft.irfft(whole, axis=1)[:, : ORDER + 1] / (2.0 * grid.frame_s)
+    return fft.irfft(whole, axis=1)[:, : ORDER + 1] / (2.0 * grid.frame_s)
 
 
 def _model(frames: Frames, quiet: dict[str, np.ndarray], names: tuple[str, ...], slow: np.ndarray) -> Floor:
@@ -124,5 +125,5 @@ def _with_slow(short: tuple[float, float, np.ndarray], slow: np.ndarray) -> tupl
 def _covariance_of(short: tuple[float, float, np.ndarray]) -> np.ndarray:
     """(ORDER + 1,) of an autoregressive noise."""
     _, innovation, coefficients = short
-    response = np.fft.rfft(np.concatenate([[1.0], -coefficients]), 2 * DENSITIES)
-    return np.fft.irfft(innovation**2 / np.abs(response) ** 2)[: ORDER + 1]
+    response = fft.rfft(np.concatenate([[1.0], -coefficients]), 2 * DENSITIES)
+    return fft.irfft(innovation**2 / np.abs(response) ** 2)[: ORDER + 1]
