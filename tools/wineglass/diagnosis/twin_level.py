@@ -35,8 +35,9 @@ SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may lea
 SWITCHING = 12  # frames after the loop was opened or closed
 HELD_OUT_SLACK = 2.0  # energy: of noise alone
 STRONG, SETTLED_SETS = 1e4, 4  # energy beyond which an effect changes what the uncertain values do; so many sets are then closed again
-UNIT_ROUNDS, UNIT_GAIN, ROUGH_GAIN = 5, 2.0, 1e4  # nats: the unit is found when moving it gains no more; before the full twin was run
-FULL_ROUNDS = 3  # of the full twin at the unit
+ROUGH_ROUNDS, UNIT_GAIN, ROUGH_GAIN = 5, 10.0, 1e4  # nats: the unit is found when moving it gains no more; before the full twin was run
+DAMPING = 10.0  # of a step, in priors: what the data say little about stays where it is
+FULL_ROUNDS = 3  # of the full twin at the unit, and of the envelope's moves from each
 BEND = 0.03  # of the rate's span: a second difference beyond that is a step
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
@@ -98,7 +99,7 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}))
     pick = system.chosen(bench.names, floor)
     setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid))
-    bench, _ = _settled(bench, setting, Frames(grid, bench.names, bench.nominal, np.ones_like(bench.nominal, bool)), ROUGH_GAIN)
+    bench, _ = _settled(bench, setting, Frames(grid, bench.names, bench.nominal, np.ones_like(bench.nominal, bool)), ROUGH_GAIN, ROUGH_ROUNDS)
     advance()
     bench, base = _on_the_full_twin(bench, setting)
     driven = replace(bench.driven, run=Run(bench.driven.run.scenario, driven.run.device, bench.unit.device))
@@ -140,10 +141,10 @@ class _Setting:
         return system.build(self.recorded, base, self.floor, names, self.edges_s, self.jumps, regressors(bench.driven, bench, base), losses)
 
 
-def _settled(bench: Bench, setting: _Setting, base: Frames, enough: float) -> tuple[Bench, Frames]:
+def _settled(bench: Bench, setting: _Setting, base: Frames, enough: float, rounds: int) -> tuple[Bench, Frames]:
     """The bench with the unit that fits the recording best within its tolerances, until moving it gains less than `enough` nats, and the base moved
     to that unit as the envelope twin says. base: frames of some twin of the bench's unit."""
-    for _ in range(UNIT_ROUNDS):
+    for _ in range(rounds):
         built = setting.system(bench, base)
         named = responses.uncertainties(bench)
         names = [name for name, _ in named]
@@ -166,7 +167,7 @@ def _on_the_full_twin(bench: Bench, setting: _Setting) -> tuple[Bench, Frames]:
     """The unit again, with the full twin run at it; once more where it then moved, as the envelope twin is a little off."""
     for _ in range(FULL_ROUNDS):
         base = _with_ideal_thermometer(full_twin(bench.driven, bench.grid, truth=bench.unit.device), bench)
-        moved, base = _settled(bench, setting, base, UNIT_GAIN)
+        moved, base = _settled(bench, setting, base, UNIT_GAIN, FULL_ROUNDS)
         if moved is bench:
             break
         bench = moved
@@ -180,8 +181,8 @@ def _within_tolerance(table: system.Products, built: System, movable: list[int])
     for _ in range(4):
         fitted = explain.explained(table, softening, table.count, [], (), 0.0)
         softening = np.maximum(1.0, fitted.left / np.maximum(built.n_rows, 1))
-    gram = table.pooled(softening)
-    costs = []
+    gram, costs = table.pooled(softening), []
+    gram[movable, movable] += DAMPING
     everything = list(range(table.count))
     for places in (sorted({*everything} - {*movable}), everything):
         change = explain.within(gram, places, -table.about[places], FARTHEST)
