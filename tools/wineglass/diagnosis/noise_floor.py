@@ -96,10 +96,10 @@ class FloorModel:
 
     def of_rate(self, channel: str, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Channel's density for a rate of that one-sided density [(rad/s)^2/Hz]; in-phase channels of the secondary axis only."""
-        gain = self._rate_gain(channel) ** 2 * (self._filter_power(self.frequency_hz) if channel == RATE else 1.0)
+        gain = self.rate_gain(channel) ** 2 * (self._filter_power(self.frequency_hz) if channel == RATE else 1.0)
         return np.asarray(gain * self.rate_answer(self.frequency_hz) ** 2 * density(self.frequency_hz))
 
-    def _rate_gain(self, channel: str) -> float:
+    def rate_gain(self, channel: str) -> float:
         """FS of the channel per rad/s at zero frequency, at the described amplitude."""
         amplitude, calibration = self.calibration.amplitude_set_point_fs, self.calibration
         if channel == SECONDARY[0] and self.loop == "open":

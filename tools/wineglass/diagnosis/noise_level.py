@@ -146,8 +146,9 @@ class _Seen:
         tap = self._recording.tap("baseband")
         windows = self._quiet(tap, noise_windows.LENGTH_S, noise_windows.ORDER)
         model = FloorModel(self._device, self._calibration, tap.sample_rate_hz, windows.frequency_hz, self._calibration.loop)
-        lines = noise_lines.find(windows, self._calibration, model)
-        taken = noise_lines.taken(lines, windows), noise_lines.taken(lines, windows, highest=ECHO)
+        degc = self._temperature(tap)
+        lines = noise_lines.find(windows, self._calibration, model, degc)
+        taken = noise_lines.taken(lines, windows, None, degc), noise_lines.taken(lines, windows, None, degc, highest=ECHO)
         return noise_spectra.bands_of(windows, self._device, self._calibration, self._slow, *taken), lines
 
     def rate_lines(self) -> Lines | None:
@@ -164,8 +165,19 @@ class _Seen:
         windows = self._quiet(self._recording.tap("output"), length_s, noise_spectra.LOW_ORDER)
         taken = np.zeros((len(windows), windows.length // 2), bool)
         if lines is not None:
-            taken = noise_lines.taken(lines, windows, self._recording.taps.get("baseband"))
+            carrier = self._recording.taps.get("baseband")
+            taken = noise_lines.taken(lines, windows, carrier, self._temperature(carrier) if carrier is not None else None)
         return noise_spectra.rate_bands(windows, self._device, self._calibration, self._slow, taken, to_hz)
+
+    def _temperature(self, tap: Tap) -> np.ndarray | None:
+        """As measured, at a tap's samples."""
+        if "output" not in self._recording or "temperature_measured" not in self._recording.tap("output"):
+            return None
+        output = self._recording.tap("output")
+        sound = output.valid & np.isfinite(output["temperature_measured"])
+        if not sound.any():
+            return None
+        return np.interp(tap.time_s, output.time_s[sound], output["temperature_measured"][sound])
 
     def _quiet(self, tap: Tap, length_s: float, order: int = noise_windows.ORDER) -> noise_windows.Windows:
         windows = noise_windows.quiet(self._recording, tap, self._calibration, length_s, self._skip_s, order)
@@ -225,18 +237,28 @@ class _Looks:
         return jumps > SURE or any(self._alone(effect) > SURE for effect in chosen & set(ANYTHING))
 
     def _line(self, chosen: frozenset[str]) -> float:
-        if self._raises_anything(chosen):
-            return max(0.0, *(self._line_score(kind) for kind in ("vibration", "interference", OTHER)))
-        scores = [self._line_score(kind) for kind in ("vibration", "interference", OTHER) if kind in chosen]
-        if len(scores) == 2:
-            return max(scores) + min(0.0, min(scores))  # both would explain the same line: the second earns nothing by it
-        return scores[0] if scores else 0.0
+        """Every line is explained by the best of the kinds that are chosen; a kind that explains none is missed."""
+        found = self.lines.found if self.lines is not None else []
+        kinds = set(_STAGE) if self._raises_anything(chosen) else chosen & set(_STAGE)
+        total, used = 0.0, set()
+        for item in found:
+            top = max(line.log_evidence for line in item.values())
+            scores = {kind: _bounded(top) + item[kind].log_evidence - top for kind in kinds if kind in item and item[kind].log_evidence > 0.0}
+            best = max(scores, key=lambda kind: scores[kind], default="")
+            if best and scores[best] > 0.0:
+                total += scores[best]
+                used.add(best)
+        for kind in {"vibration", "interference"} & chosen - used:
+            total += self._without_line(kind, found)
+        return total
 
-    def _line_score(self, kind: str) -> float:
-        score = self.lines.log_evidence.get(kind, 0.0) if self.lines is not None else 0.0
-        if kind == "interference" and self.raw is not None:
-            score = max(score, self.raw.log_evidence.get(kind, -5.0))
-        return _bounded(max(score, 0.0) if kind == OTHER else max(score, -5.0))
+    def _without_line(self, kind: str, found: list[dict[str, noise_lines.Line]]) -> float:
+        """Of a kind that explains none of the lines near the carrier."""
+        away = [self.raw.log_evidence[kind]] if self.raw is not None and kind in self.raw.log_evidence else []
+        if away and away[0] > 0.0:
+            return _bounded(away[0])
+        looked = away + [min(0.0, item[kind].log_evidence) for item in found if kind in item]
+        return max(-5.0, *looked) if looked else 0.0
 
     def _jumps(self, chosen: frozenset[str]) -> float:
         if self.events is None:
@@ -270,7 +292,7 @@ class _Looks:
                 found[effect] = [(_CATALOGUE.get(e.name, e.name), e.value, (e.low, e.high), e.unit) for e in estimates]
         if self.lines is not None:
             for kind, line in self.lines.best.items():
-                if kind != OTHER and np.isfinite(line.frequency_hz):
+                if np.isfinite(line.amplitude) and np.isfinite(line.frequency_hz):
                     found[kind] = _line_parameters(line)
         if self.raw is not None:
             for effect, values in self.raw.values.items():
@@ -327,14 +349,15 @@ class _Looks:
 
 
 _CATALOGUE = {"slow_jitter_s": "jitter_s", "octaves_rad_s": "bias_rad_s"}
-_STAGE = {"vibration": "environment", "interference": "environment", OTHER: "secondary"}
+_STAGE = {"vibration": "environment", "interference": "environment", "clock_jitter": "clock", OTHER: "secondary"}
 
 
 def _line_parameters(line: noise_lines.Line) -> list[Parameter]:
     name, unit = ("rate_rad_s", "rad/s") if line.kind == "vibration" else ("amplitude_fs", "FS")
+    at_hz = line.distance_hz if line.form == "force" else line.frequency_hz
     size = (line.amplitude - 1.96 * line.amplitude_sigma, line.amplitude + 1.96 * line.amplitude_sigma)
-    place = (line.frequency_hz - 1.96 * line.frequency_sigma_hz, line.frequency_hz + 1.96 * line.frequency_sigma_hz)
-    return [(name, line.amplitude, size, unit), ("frequency_hz", line.frequency_hz, place, "Hz")]
+    place = (at_hz - 1.96 * line.frequency_sigma_hz, at_hz + 1.96 * line.frequency_sigma_hz)
+    return [(name, line.amplitude, size, unit), ("frequency_hz", at_hz, place, "Hz")]
 
 
 def _slip_parameters(events: Events) -> list[Parameter]:

@@ -111,15 +111,15 @@ def has_image(windows: Windows, calibration: Calibration) -> np.ndarray:
     return np.asarray(np.max(np.abs(_image_hz(windows, calibration)), axis=1, initial=0.0) > IMAGE_FROM_HZ)
 
 
-def image_bins(windows: Windows, calibration: Calibration) -> np.ndarray:
-    """Bins (n, length // 2) of each window on which that image stands, folded at the telemetry's rate."""
+def image_bins(windows: Windows, calibration: Calibration, reach: int = 2) -> np.ndarray:
+    """Bins (n, length // 2) of each window on which that image stands, folded at the telemetry's rate, and so many beside them."""
     found = np.zeros((len(windows), windows.length // 2), bool)
     rate = windows.tap.sample_rate_hz
     away = _image_hz(windows, calibration)
     folded = np.abs(away / rate - np.round(away / rate)) * rate
     for number in np.flatnonzero(has_image(windows, calibration)):
         places = np.unique(np.round(folded[number] * windows.length / rate).astype(int))
-        found[number, np.clip(places[:, None] + np.arange(-2, 3), 1, found.shape[1]) - 1] = True
+        found[number, np.clip(places[:, None] + np.arange(-reach, reach + 1), 1, found.shape[1]) - 1] = True
     return found
 
 
