@@ -18,20 +18,26 @@ REACH_BINS, GAP_BINS = 10, 2
 
 @dataclass(frozen=True)
 class Spectra:
-    """values: complex (samples,); transforms: tapered (n, TAPERS, length) of the windows; masked: bins (n, length) that do not count, in the turning
-    frame; white (length // 2,): the floor's form"""
+    """values: complex (samples,); form (length,): of the floor; transforms: tapered (n, TAPERS, length) of the windows, brought to one level of noise, since
+    noise that changes would make lines where only some windows count; masked: bins (n, length) that do not count, in the turning frame; level (n, 1, 1): what the
+    transforms were divided by"""
 
     windows: Windows
     values: np.ndarray
     carrier_hz: np.ndarray
-    white: np.ndarray
+    form: np.ndarray
     transforms: np.ndarray
     masked: np.ndarray
+    level: np.ndarray
 
     @staticmethod
     def of(windows: Windows, values: np.ndarray, carrier_hz: np.ndarray, white: np.ndarray, images: np.ndarray) -> Spectra:
-        """images: bins (n, length // 2) that do not count."""
-        found = Spectra(windows, values, carrier_hz, white, windows.transforms(values), np.zeros((len(windows), windows.length), bool))
+        """white (length // 2,): the floor's form; images: bins (n, length // 2) that do not count."""
+        transforms = windows.transforms(values)
+        form = np.concatenate([white[:1], white, white[-2::-1]])[:windows.length]
+        level = np.median(np.mean(np.abs(transforms) ** 2, axis=1) / form, axis=1)
+        usual = np.sqrt(level / np.median(level))[:, None, None]
+        found = Spectra(windows, values, carrier_hz, form, transforms / usual, np.zeros((len(windows), windows.length), bool), usual)
         found.masked[:, _signed(windows.length) < FIRST_SOUND_BIN] = True
         return found.without(images)
 
@@ -54,7 +60,7 @@ class Spectra:
         """Places [Hz], mean powers and numbers of terms (length,) in a frame whose frequency, against the oscillator's, is -frame_hz (samples,)."""
         rate, length = self.windows.tap.sample_rate_hz, self.windows.length
         turn = np.exp(2j * np.pi * np.cumsum(frame_hz) / rate)
-        power = np.mean(np.abs(self.windows.transforms(self.values, turn)) ** 2, axis=1)
+        power = np.mean(np.abs(self.windows.transforms(self.values, turn) / self.level) ** 2, axis=1)
         shift = np.array([frame_hz[first:first + length].mean() for first in self.windows.first])
         whole = np.round(shift * length / rate).astype(int)
         masked = self._shifted(self._far, whole)
@@ -88,8 +94,7 @@ class Spectra:
     def _relative(self) -> np.ndarray:
         """Powers (n, length) over the floor's form."""
         power = np.mean(np.abs(self.transforms) ** 2, axis=1)
-        form = np.concatenate([self.white[:1], self.white, self.white[-2::-1]])[:self.windows.length]
-        return np.asarray(power / form)
+        return np.asarray(power / self.form)
 
     def _shifted(self, values: np.ndarray, bins: np.ndarray) -> np.ndarray:
         """Rows (n, length), each turned to higher frequencies by so many bins."""

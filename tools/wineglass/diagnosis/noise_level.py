@@ -17,9 +17,9 @@ import numpy as np
 from wineglass import device as devices
 from wineglass.calibration_block import Calibration, from_binary
 from wineglass.device import Device
-from wineglass.diagnosis import noise_events, noise_lines, noise_spectra, noise_windows, output_check, raw_codes, replay, thermometer_codes
+from wineglass.diagnosis import noise_events, noise_lines, noise_spectra, noise_trend, noise_windows, output_check, raw_codes, replay, thermometer_codes
 from wineglass.diagnosis.noise_events import Events
-from wineglass.diagnosis.noise_floor import PRIMARY, FloorModel
+from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, SECONDARY, FloorModel, Pickoff
 from wineglass.diagnosis.noise_lines import Lines
 from wineglass.diagnosis.noise_spectra import Band, SpectralEvidence
 from wineglass.diagnosis.output_check import OutputCheck
@@ -41,6 +41,7 @@ ECHO = 100.0
 """height of a line as far as the primary can show it"""
 ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermometer_quantisation")
 """effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
+_CURVES = frozenset({"adc_saturation", "adc_nonlinearity"})
 OTHER_PENALTY = 4.0
 
 Parameter = tuple[str, float, tuple[float, float], str]
@@ -84,8 +85,8 @@ def examine(recording: Recording, device: Device | Run | None = None, slow_model
     steps = thermometer_codes.find(recording, described) if described is not None else None
     events = noise_events.find(recording)
     raw = raw_codes.examine(recording, described, None if events is None else events.times_s) if described is not None else None
-    spectral, lines = _telemetry(recording, described, calibration, events, steps, dict(slow_model or {}), notes)
-    looks = _Looks(again, output, spectral, lines, events, steps, raw)
+    spectral, lines, trends = _telemetry(recording, described, calibration, events, steps, dict(slow_model or {}), notes)
+    looks = _Looks(again, output, spectral, lines, events, steps, raw, trends)
     for part in (again.not_checked if again.ok is None else [], output.not_checked, spectral.notes if spectral else [], lines.notes if lines else [],
                  raw.notes if raw else []):
         notes += part
@@ -111,11 +112,11 @@ def _setting(recording: Recording, device: Device | Run | None) -> tuple[Device 
 
 
 def _telemetry(recording: Recording, device: Device | None, calibration: Calibration | None, events: Events | None, steps: Steps | None,
-               slow: dict[str, np.ndarray], notes: list[str]) -> tuple[SpectralEvidence | None, Lines | None]:
+               slow: dict[str, np.ndarray], notes: list[str]) -> tuple[SpectralEvidence | None, Lines | None, list[noise_trend.Trend]]:
     """Spectra and lines of baseband and rate."""
     if device is None or calibration is None:
         notes.append("no description or no calibration: the spectra say nothing")
-        return None, None
+        return None, None, []
     seen = _Seen(recording, device, calibration, events.times_s if events is not None else np.empty(0), steps, slow)
     bands: list[Band] = []
     lines: Lines | None = None
@@ -130,8 +131,8 @@ def _telemetry(recording: Recording, device: Device | None, calibration: Calibra
             bands = seen.rate(noise_windows.LENGTH_S, np.inf, lines)
     except (ValueError, np.linalg.LinAlgError, BadInput) as error:
         notes.append(f"the spectra cannot be modelled ({error})")
-        return None, None
-    return noise_spectra.weigh(bands, device, seen.windows), lines
+        return None, None, []
+    return noise_spectra.weigh(bands, device, seen.windows), lines, seen.trends
 
 
 class _Seen:
@@ -141,6 +142,7 @@ class _Seen:
         self._recording, self._device, self._calibration = recording, device, calibration
         self._skip_s, self._steps, self._slow = skip_s, steps, slow
         self.windows = 0
+        self.trends: list[noise_trend.Trend] = []
 
     def baseband(self) -> tuple[list[Band], Lines]:
         tap = self._recording.tap("baseband")
@@ -149,7 +151,24 @@ class _Seen:
         degc = self._temperature(tap)
         lines = noise_lines.find(windows, self._calibration, model, degc)
         taken = noise_lines.taken(lines, windows, None, degc), noise_lines.taken(lines, windows, None, degc, highest=ECHO)
+        self._look_for_trends(windows, model, taken, degc)
         return noise_spectra.bands_of(windows, self._device, self._calibration, self._slow, *taken), lines
+
+    def _look_for_trends(self, windows: noise_windows.Windows, model: FloorModel, taken: tuple[np.ndarray, np.ndarray], degc: np.ndarray | None) -> None:
+        """At the described amplitude, where the windows' temperatures are known."""
+        usual = ~(np.abs(windows.amplitude_fs - self._calibration.amplitude_set_point_fs) > 6e-4)
+        if degc is None or np.count_nonzero(usual) < noise_windows.LEAST_WINDOWS:
+            return
+        group, tap = windows.only(usual), windows.tap
+        images = noise_windows.image_bins(group, self._calibration)
+        middles = np.interp(group.time_s, tap.time_s, degc)
+        axis = FORCES if self._calibration.loop == "rebalance" else SECONDARY
+        for name, channels, lines in (("primary", PRIMARY, taken[1]), ("secondary", axis, taken[0])):
+            if all(channel in tap for channel in channels):
+                values = {channel: noise_lines.filled(tap, channel) for channel in channels}
+                found = noise_trend.find(name, group, values, {channel: model.of_white(channel) for channel in channels}, images | lines[usual],
+                                         middles, Pickoff.of(self._device).whole)
+                self.trends += [found] if found is not None else []
 
     def rate_lines(self) -> Lines | None:
         if "output" not in self._recording or "rate" not in self._recording.tap("output"):
@@ -210,6 +229,7 @@ class _Looks:
     events: Events | None
     steps: Steps | None
     raw: RawEvidence | None
+    trends: list[noise_trend.Trend]
 
     def log_evidence(self) -> dict[frozenset[str], float]:
         names = (*EFFECTS, OTHER)
@@ -219,7 +239,8 @@ class _Looks:
         if not chosen:
             return 0.0
         total = self._broadband(chosen) + self._line(chosen) + self._jumps(chosen)
-        for effect in chosen - {OTHER}:
+        total += self._bent(chosen & _CURVES)
+        for effect in chosen - {OTHER} - _CURVES:
             total += self._alone(effect)
         return total - (OTHER_PENALTY if OTHER in chosen else 0.0)
 
@@ -229,11 +250,16 @@ class _Looks:
         found = self.spectral.log_evidence[chosen & frozenset(noise_spectra.EFFECTS)]
         if self._raises_anything(chosen):
             found = max(found, *self.spectral.log_evidence.values()) - 1.0
+        changing = sum(max(0.0, trend.log_evidence) for trend in self.trends)
+        if chosen & {"excess_noise", OTHER} or self._raises_anything(chosen):
+            found += changing
         return _bounded(max(found, -20.0))
 
     def _raises_anything(self, chosen: frozenset[str]) -> bool:
         """One of ANYTHING is chosen, and its own mark is there."""
         jumps = self._jumps(chosen & {"dropped_samples"})
+        if "excess_noise" in chosen and self.raw is not None and self.raw.lost_bits:
+            return True
         return jumps > SURE or any(self._alone(effect) > SURE for effect in chosen & set(ANYTHING))
 
     def _line(self, chosen: frozenset[str]) -> float:
@@ -267,6 +293,15 @@ class _Looks:
         scores = [found[kind] for kind in ("dropped_samples", OTHER) if kind in chosen]
         return _bounded(max(scores)) if scores else 0.0
 
+    def _bent(self, chosen: frozenset[str]) -> float:
+        """A converter's curve is explained once."""
+        if self.raw is None or not chosen:
+            return 0.0
+        scores = {effect: self.raw.log_evidence.get(effect, 0.0) for effect in _CURVES}
+        top, best = max(scores.values()), max(scores[effect] for effect in chosen)
+        second = min(scores[effect] for effect in chosen) - 4.0 if len(chosen) > 1 else 0.0
+        return _bounded(top) + best - top + min(0.0, max(second, -4.0))
+
     def _alone(self, effect: str) -> float:
         """Looks at which only this effect counts."""
         total = 0.0
@@ -274,7 +309,7 @@ class _Looks:
             total += self._firmware()
         if effect == "thermometer_quantisation" and self.steps is not None:
             total += self.steps.log_evidence
-        if effect in ("adc_saturation", "adc_nonlinearity", "excess_noise", "clock_jitter") and self.raw is not None:
+        if effect in _CURVES | {"excess_noise", "clock_jitter"} and self.raw is not None:
             total += self.raw.log_evidence.get(effect, 0.0)
         return _bounded(total)
 

@@ -107,7 +107,7 @@ def find_in_rate(windows: Windows, model: FloorModel) -> Lines:
     """Lines of the rate output alone: a sideband cannot be told from a rate there, so both explain a line alike."""
     if len(windows) < noise_windows.LEAST_WINDOWS:
         return Lines([], len(windows), ["too little quiet rate to look for lines"])
-    real = np.abs(windows.transforms(_filled(windows.tap, RATE))[:, :, 1:windows.length // 2]) ** 2
+    real = np.abs(windows.transforms(filled(windows.tap, RATE))[:, :, 1:windows.length // 2]) ** 2
     line = _line_of_rate(windows, real.mean(axis=1), None, model, RATE)
     tone = replace(line, kind="interference", amplitude=math.nan, amplitude_sigma=math.nan, frequency_hz=math.nan, frequency_sigma_hz=math.nan,
                    log_evidence=line.log_evidence - math.log(2.0))
@@ -128,7 +128,7 @@ def _taken(line: Line, windows: Windows, carrier: Tap, temperature_degc: np.ndar
     found = np.zeros((len(windows), len(bins)), bool)
     place, wander = np.full(len(windows), line.frequency_hz), np.zeros(len(windows))
     if line.form in ("tone", "force", "drifting") and math.isfinite(line.frequency_hz):
-        moved = _filled(carrier, "drive_frequency")
+        moved = filled(carrier, "drive_frequency")
         if line.drift_hz_per_degc and temperature_degc is not None:
             moved = moved - line.drift_hz_per_degc * (temperature_degc - float(np.mean(temperature_degc)))
         mean, wander = _in_windows(moved, windows, carrier)
@@ -154,7 +154,8 @@ def _folded(frequency_hz: np.ndarray, rate_hz: float) -> np.ndarray:
     return np.asarray(np.abs(turns - np.round(turns)) * rate_hz)
 
 
-def _filled(tap: Tap, channel: str) -> np.ndarray:
+def filled(tap: Tap, channel: str) -> np.ndarray:
+    """A channel (n,), straight across lost samples."""
     values = tap[channel]
     sound = np.isfinite(values)
     return values if sound.all() else np.interp(tap.time_s, tap.time_s[sound], values[sound])
@@ -166,15 +167,15 @@ class _Search:
     def __init__(self, windows: Windows, calibration: Calibration, model: FloorModel, axis: Sequence[str], temperature_degc: np.ndarray | None):
         tap = windows.tap
         self._windows, self._model, self._channel = windows, model, axis[0]
-        self._carrier = _filled(tap, "drive_frequency")
+        self._carrier = filled(tap, "drive_frequency")
         self._temperature = temperature_degc
         sign = -1.0 if axis is FORCES else 1.0  # the force in phase works against the amplitude in phase, that in quadrature along it
         images = noise_windows.image_bins(windows, calibration, 4)
-        self._second = Spectra.of(windows, sign * _filled(tap, axis[0]) + 1j * _filled(tap, axis[1]), self._carrier, model.of_white(axis[0]), images)
+        self._second = Spectra.of(windows, sign * filled(tap, axis[0]) + 1j * filled(tap, axis[1]), self._carrier, model.of_white(axis[0]), images)
         self._first = None
         if all(name in tap for name in PRIMARY):
             white = [model.of_white(name) for name in PRIMARY]
-            self._first = Spectra.of(windows, _filled(tap, PRIMARY[0]) + 1j * _filled(tap, PRIMARY[1]), self._carrier, np.maximum(*white), images)
+            self._first = Spectra.of(windows, filled(tap, PRIMARY[0]) + 1j * filled(tap, PRIMARY[1]), self._carrier, np.maximum(*white), images)
 
     def next(self, found: list[dict[str, Line]]) -> dict[str, Line]:
         """The strongest line beside those found, as each kind."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wineglass.device import Device
+from wineglass.diagnosis import curve_of_codes
 from wineglass.diagnosis.noise_floor import Pickoff
 from wineglass.recording.reader import Recording, Tap
 
@@ -29,7 +30,10 @@ CLIP_LEAST = 20
 JUMP_S = 0.3
 """a burst so soon after a jump of phase still shows the loops' answer"""
 SURE = 6.0
+LEAST_DITHER = 0.3
+"""of a step: noise that moves codes for certain"""
 MODEL_ERROR = 0.03
+CERTAIN = 50.0
 RIPPLE_BITS, RIPPLE_FIRST = 17, 64
 """resolution over the code; periods longer than so many to the full range are curves, which harmonics show"""
 
@@ -41,7 +45,9 @@ Values = dict[str, list[tuple[str, float, float, str]]]
 class Burst:
     """One channel of one burst. frequency: turns per sample; amplitude: of the carrier [FS]; harmonics (HARMONICS - 1,): complex amplitudes of 2, 3, ...
     times the carrier, in step with it; variance: of what is left [FS^2]; modulation: by how much it rises where the carrier is fastest; clipped: samples
-    that stand at `level` [FS] while the sine goes on; common_step: of all codes; rest, smooth (samples,): what is left, and the rest of the signal [FS]"""
+    that stand at `level` [FS] while the sine goes on; common_step: of all codes; rest, smooth (samples,): what is left, and the rest of the signal [FS];
+    phase (samples,): of the carrier [rad]; bent (samples,): what is left with the harmonics still in it [FS];
+    doubt: of the variance, what a curve that was taken out may have left [FS^2]"""
 
     channel: str
     number: int
@@ -59,6 +65,9 @@ class Burst:
     common_step: int
     rest: np.ndarray
     smooth: np.ndarray
+    phase: np.ndarray
+    bent: np.ndarray
+    doubt: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -69,6 +78,8 @@ class RawEvidence:
     values: Values
     bursts: list[Burst]
     notes: list[str] = field(default_factory=list)
+    lost_bits: bool = False
+    """low bits of a converter are stuck: what it does to spectra has no simple form"""
 
 
 def examine(recording: Recording, device: Device, skip_s: np.ndarray | None = None) -> RawEvidence:
@@ -81,11 +92,15 @@ def examine(recording: Recording, device: Device, skip_s: np.ndarray | None = No
         return RawEvidence({}, {}, [], [f"no raw burst{without} to look at the converters"])
     evidence: dict[str, float] = {}
     values: Values = {}
-    _clipping(bursts, evidence, values)
-    rippled = _curvature(bursts, evidence, values)
-    _noise(bursts, device, rippled, evidence, values)
-    _lines(bursts, recording, evidence, values)
-    return RawEvidence(evidence, values, bursts)
+    lost_bits = _lost_bits(bursts, device, evidence, values)
+    fine = [burst for burst in bursts if burst.common_step == 1]
+    _clipping(fine, evidence, values)
+    rippled = _curvature(fine, evidence, values)
+    if max(evidence["adc_saturation"], evidence.get("adc_nonlinearity", 0.0)) > SURE:  # a curve does much to small signals
+        fine = [curve_of_codes.straightened(burst) for burst in fine if burst.channel == CHANNELS[0]]
+    _noise(fine, device, rippled, evidence, values)
+    _lines(fine, recording, evidence, values)
+    return RawEvidence(evidence, values, bursts, lost_bits=lost_bits)
 
 
 def _jumped(tap: Tap, jumps_s: np.ndarray) -> bool:
@@ -109,12 +124,13 @@ def _burst(tap: Tap, channel: str, number: int) -> Burst | None:
     base = _carrier(x, centred)
     rest = x - base.fit
     phase = centred + base.phase
+    bent = rest
     harmonics, rest = _harmonics(rest, phase, min(HARMONICS, int(0.495 / frequency)))
     variance = float(np.var(rest)) * len(x) / max(1, len(x) - 2 * HARMONICS - 6)
     double = float(np.mean((rest**2 - variance) * -np.cos(2.0 * phase)) * 2.0)  # largest where the carrier is fastest
     clipped, level = _clip(x, centred, base.amplitude)
     return Burst(channel, number, len(x), frequency, base.amplitude, harmonics, math.sqrt(2.0 * variance / len(x)), variance,
-                 variance * math.sqrt(2.0 / len(x)), double, variance * math.sqrt(4.0 / len(x)), clipped, level, _step(codes), rest, x - rest)
+                 variance * math.sqrt(2.0 / len(x)), double, variance * math.sqrt(4.0 / len(x)), clipped, level, _step(codes), rest, x - rest, phase, bent)
 
 
 def _frequency(x: np.ndarray) -> float | None:
@@ -180,7 +196,7 @@ def _clip(x: np.ndarray, phase: np.ndarray, amplitude: float) -> tuple[int, floa
 
 
 def _step(codes: np.ndarray) -> int:
-    """Greatest common divisor of all differences of codes: 2^k when the k low bits are stuck."""
+    """Greatest common divisor of all differences of codes: 2^k when the k low bits are stuck, 0 when all are."""
     return int(np.gcd.reduce(np.abs(np.diff(codes.astype(np.int64))))) if codes.dtype.kind in "iu" else 1
 
 
@@ -208,16 +224,18 @@ def _curvature(bursts: list[Burst], evidence: dict[str, float], values: Values) 
     sigma = math.hypot(1.0 / math.sqrt(weights.sum()), 2e-7)
     power = np.sum((np.abs(mean) / sigma) ** 2)
     terms = len(mean)
-    evidence["adc_nonlinearity"] = float(0.5 * power - terms * math.log(300.0)) if power > 60.0 else -4.0
-    if power > 60.0:
+    evidence["adc_nonlinearity"] = max(-4.0, float(0.5 * power - terms * math.log(300.0)), curve_of_codes.repeated(chosen))
+    if evidence["adc_nonlinearity"] > SURE:
         values["adc_nonlinearity"] = _curve(chosen, sigma)
-        if _only_at_the_top(chosen):
-            evidence["adc_saturation"] = max(evidence["adc_saturation"], evidence["adc_nonlinearity"] - 2.0)
+        top = min(CERTAIN, max(-CERTAIN, curve_of_codes.giving_way(chosen)))
+        evidence["adc_saturation"] = max(evidence.get("adc_saturation", -2.0), evidence["adc_nonlinearity"] + min(0.0, top))
+        evidence["adc_nonlinearity"] -= max(0.0, top)
     clipped = any(burst.clipped for burst in bursts)
+    gives_way = evidence.get("adc_saturation", -2.0) > max(SURE, evidence["adc_nonlinearity"])
     if clipped:  # some bursts are flat at the top, others only bend there
         evidence["adc_saturation"] = max(evidence["adc_saturation"], evidence["adc_nonlinearity"])
     ripple = _ripple(chosen)
-    if not clipped and ripple.log_evidence > max(SURE, evidence["adc_nonlinearity"]):
+    if not clipped and not gives_way and ripple.log_evidence > max(SURE, evidence["adc_nonlinearity"]):
         evidence["adc_nonlinearity"] = ripple.log_evidence
         values["adc_nonlinearity"] = [("ripple_fs", ripple.amplitude, 0.1 * ripple.amplitude, "FS"),
                                       ("ripple_period_fs", ripple.period, 0.01 * ripple.period, "FS")]
@@ -249,17 +267,6 @@ def _ripple(bursts: list[Burst]) -> _Ripple:
                    2.0 * float(np.sum(np.abs(transform[power > 14.0]) ** 2)) / len(rest) ** 2)
 
 
-def _only_at_the_top(bursts: list[Burst]) -> bool:
-    """The third harmonic falls much faster with the amplitude than a cubic's does: an amplifier that gives way near its end."""
-    amplitude = np.array([burst.amplitude for burst in bursts])
-    high, low = amplitude > 0.98 * amplitude.max(), amplitude < 0.85 * amplitude.max()
-    if not low.any():
-        return False
-    third = [np.mean([abs(burst.harmonics[1]) for burst, chosen in zip(bursts, part, strict=True) if chosen]) for part in (high, low)]
-    cubic = float((amplitude[low].mean() / amplitude[high].mean()) ** 3)
-    return bool(third[1] < 0.4 * cubic * third[0] and third[0] > 1e-5)
-
-
 def _curve(bursts: list[Burst], systematic: float) -> list[tuple[str, float, float, str]]:
     """x + c3 x^3 + c5 x^5 + c2 x^2 through the second, third and fifth harmonics: c2 A^2/2, c3 A^3/4 + 5 c5 A^5/16, c5 A^5/16. One amplitude without a
     fifth harmonic leaves a sum of c3 and c5; a prior of a third of a per cent decides then, and the deviations say so."""
@@ -283,7 +290,8 @@ def _curve(bursts: list[Burst], systematic: float) -> list[tuple[str, float, flo
 def _noise(bursts: list[Burst], device: Device, rippled: float, evidence: dict[str, float], values: Values) -> None:
     """Variance per sample of both pickoffs, and how it goes with the carrier's speed."""
     floor, tolerance = Pickoff.of(device), _tolerance(device)
-    evidence["excess_noise"], evidence["clock_jitter"] = -1.0, -1.0
+    evidence.setdefault("excess_noise", -1.0)
+    evidence["clock_jitter"] = -1.0
     found = []
     for channel, name in zip(CHANNELS, ("primary_fs", "secondary_fs"), strict=True):
         own = [burst for burst in bursts if burst.channel == channel and not burst.clipped]
@@ -294,18 +302,31 @@ def _noise(bursts: list[Burst], device: Device, rippled: float, evidence: dict[s
         if channel == CHANNELS[0]:
             _jitter(own, device, evidence, values)
         white = variance - (max(0.0, modulation) + 1.3 * rippled if channel == CHANNELS[0] else 0.0)
-        spread = math.sqrt(sigma**2 + modulation_sigma**2 + (floor.noise * tolerance) ** 2 + (MODEL_ERROR * variance) ** 2)
+        spread = math.sqrt(sigma**2 + modulation_sigma**2 + (floor.noise * tolerance) ** 2 + (MODEL_ERROR * variance) ** 2 + _weighted_doubt(own) ** 2)
         excess = white - floor.whole
-        if excess > 0.0 and max(burst.common_step for burst in own) > 1:
-            found.append((name, excess, spread, 200.0))
-        elif excess > 0.0:
+        if excess > 0.0:
             z = excess / spread
             likelihood = 0.5 * _surprise(white / floor.whole, tolerance, z)
             found.append((name, excess, spread, likelihood))
     strong = [item for item in found if item[3] > 4.0]
     if strong:
-        evidence["excess_noise"] = min(300.0, sum(item[3] for item in strong) - 3.0)
-        values["excess_noise"] = [(name, math.sqrt(excess), 0.5 * spread / math.sqrt(excess), "FS rms") for name, excess, spread, _ in strong]
+        evidence["excess_noise"] = max(evidence["excess_noise"], min(300.0, sum(item[3] for item in strong) - 3.0))
+        values["excess_noise"] = values.get("excess_noise", []) + [(name, math.sqrt(excess), 0.5 * spread / math.sqrt(excess), "FS rms") for name, excess, spread, _ in strong]
+
+
+def _lost_bits(bursts: list[Burst], device: Device, evidence: dict[str, float], values: Values) -> bool:
+    """All codes of a converter are multiples of a step, or stand still, although its noise would move them."""
+    found, code_fs = False, 2.0 ** (1 - device.electronics.adc.bits)
+    for channel, name in zip(CHANNELS, ("primary_fs", "secondary_fs"), strict=True):
+        steps = {burst.common_step for burst in bursts if burst.channel == channel}
+        if not steps or 1 in steps or device.electronics.adc.noise_fs_rms < LEAST_DITHER * code_fs:
+            continue
+        step = max(min(steps - {0}, default=2), 2)
+        size = math.sqrt((step**2 - 1) / 12.0) * code_fs
+        values.setdefault("excess_noise", []).append((name, size, 0.5 * size, "FS rms"))
+        evidence["excess_noise"] = 200.0
+        found = True
+    return found
 
 
 def _jitter(bursts: list[Burst], device: Device, evidence: dict[str, float], values: Values) -> None:
@@ -317,6 +338,10 @@ def _jitter(bursts: list[Burst], device: Device, evidence: dict[str, float], val
         evidence["clock_jitter"] = min(300.0, 0.5 * ratio**2 - math.log(ratio) - 3.0)
         jitter = math.sqrt(late) / device.electronics.sample_rate_hz
         values["clock_jitter"] = [("jitter_s", jitter, max(0.01, 0.5 / ratio) * jitter, "s rms")]
+
+
+def _weighted_doubt(bursts: list[Burst]) -> float:
+    return float(np.mean([burst.doubt for burst in bursts]))
 
 
 def _surprise(ratio: float, tolerance: float, z: float) -> float:
