@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from wineglass.device import Device
 from wineglass.diagnosis.contract import Diagnosis, EffectFound
+from wineglass.diagnosis.vocabulary import OTHER
 from wineglass.effect_table import EffectTable
 from wineglass.effects import Effect, find
 from wineglass.errors import BadInput
@@ -56,7 +57,7 @@ def _named(diagnosis: Diagnosis) -> set[str]:
     if diagnosis.verdict != "ambiguous":
         return {effect.id for effect in diagnosis.effects}
     order = [h.ids for h in sorted(diagnosis.hypotheses, key=lambda h: -h.probability)]
-    alternatives = [set(ids) for ids in diagnosis.alternatives]
+    alternatives = [set(ids) for ids in diagnosis.alternatives if ids != [OTHER]]
     best = next((set(ids) for ids in order if set(ids) in alternatives), alternatives[0])
     return best
 

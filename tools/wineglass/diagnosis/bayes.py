@@ -18,6 +18,7 @@ from wineglass.diagnosis.noise_models import CLASSES, NoiseModel, whiten
 
 MAX_EFFECTS = 3
 INCLUSION_PRIOR = 0.08
+FEW = 10  # effects: where a device description offers more, sets hold two at most, and all together are expected as often
 FREEDOM = 120.0  # of the prior on the noise's size
 UNLIKELY_NATS = 8.0  # a variant this much worse than the best is left out of larger supports
 TWINS = ({"coriolis_gain", "rate_reference"}, {"cross_damping", "thermometer_error"})  # never asked for together
@@ -39,13 +40,14 @@ def enumerate_candidates(
 ) -> list[Candidate]:
     """sizes: how many effects at a time; kept: of these effects, only these variants."""
     names = [name for name in design.effects if name not in without]
+    inclusion = INCLUSION_PRIOR * min(1.0, FEW / max(1, len(names)))
     found = []
     for size in sizes:
         for support in combinations(names, size):
             if any(twins <= set(support) for twins in TWINS):
                 continue
             options = [design.effects[name] for name in support]
-            prior = size * np.log(INCLUSION_PRIOR / (1.0 - INCLUSION_PRIOR)) - sum(np.log(len(o)) for o in options)
+            prior = size * np.log(inclusion / (1.0 - inclusion)) - sum(np.log(len(o)) for o in options)
             chosen = [kept[name] if kept is not None else design.effects[name] for name in support]
             found += [_candidate(design, support, variants, prior) for variants in product(*chosen)]
     return found
@@ -101,6 +103,8 @@ def score(design: Design, noise: list[NoiseModel], white: float, candidates: lis
 
 def score_all(design: Design, noise: list[NoiseModel], white: float, without: frozenset[str] = frozenset()) -> Scores:
     """All supports; those of three effects only with variants that count for something in a smaller one."""
+    if len(design.effects) > FEW:
+        return score(design, noise, white, enumerate_candidates(design, without, range(3)))
     few = score(design, noise, white, enumerate_candidates(design, without, range(min(MAX_EFFECTS, 3))))
     likely: dict[str, list[Variant]] = {name: [] for name in design.effects}
     best = few.log_evidence.max(axis=1)

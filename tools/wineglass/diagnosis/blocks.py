@@ -41,9 +41,17 @@ class Blocks:
     """of the blocks; turns shorter than a tenth of the record belong to the branch before"""
     segment: np.ndarray
     """number of the power-up of each block"""
+    edges: np.ndarray
+    """first sample of every fine mean, and the end"""
+    fine_uncertain: np.ndarray | None = None
+    """(n * per_block, k): what one standard deviation of every uncertain value does, where the device is described"""
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def fine(self, values: np.ndarray) -> np.ndarray:
+        """(samples, ...) -> (n * per_block, ...)"""
+        return _fine(values, self.edges)
 
     def mean(self, fine: np.ndarray) -> np.ndarray:
         """(n * per_block, ...) -> (n, ...)"""
@@ -60,7 +68,7 @@ def make_blocks(evidence: Evidence) -> Blocks | None:
     edges = np.linspace(0, count, blocks * per_block + 1).astype(int)
 
     def fine(values: np.ndarray) -> np.ndarray:
-        return np.add.reduceat(values, edges[:-1]) / np.diff(edges)
+        return _fine(values, edges)
 
     residual = evidence.measured_minus_reference - (0.0 if evidence.bias_rad_s is None else evidence.bias_rad_s)
     time_s, temperature, fine_residual = fine(evidence.time_s), fine(evidence.temperature_degc), fine(residual)
@@ -84,7 +92,13 @@ def make_blocks(evidence: Evidence) -> Blocks | None:
         fine_slope=None if evidence.bias_slope is None else fine(evidence.bias_slope),
         branches=_long_branches(coarse),
         segment=_segments(evidence.time_s, coarse_time),
+        edges=edges,
+        fine_uncertain=None if evidence.expected is None else fine(evidence.expected.uncertain),
     )
+
+
+def _fine(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    return (np.add.reduceat(values, edges[:-1], axis=0).T / np.diff(edges)).T
 
 
 def _white(fold: np.ndarray) -> float:

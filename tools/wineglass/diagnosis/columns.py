@@ -12,11 +12,13 @@ import numpy as np
 
 from wineglass.calibration.lag import Lag
 from wineglass.diagnosis.blocks import Blocks
+from wineglass.diagnosis.described import OF_THE_THERMOMETER, REACH, Strength
 
 STATIC_ORDER = 3  # of the nominal curve where no calibration is known
 CROSS_ORDER = 5  # what the firmware's polynomial holds
 LAG_SHARES = (0.01, 0.6)  # time constants, of a thermal branch
 LAG_STEPS = 8
+PART_BLOCKS = 2.0  # a part of the bias that is late by less is a gradient in all but name
 LOG_LAG_STEP = float(np.log(LAG_SHARES[1] / LAG_SHARES[0])) / (LAG_STEPS - 1)
 LAG_POLES = (1, 3)  # one pole, or as heat that creeps through a wall
 SLOPE_NOISE = 0.004  # of the slope: what the thermometer's noise may make of it
@@ -24,6 +26,7 @@ WIDEST_SLOPE = 0.02  # of the record, to each side
 AGEING_TIMES = (0.0, 0.02, 0.06, 0.15, 0.4, 1.0)  # time constants of log ageing, of the record; 0 is linear
 LOG_AGEING_STEP = float(np.log(2.6))  # between neighbours of them
 TWO_PART_TIMES = (0.02, 0.15)  # of logarithmic with linear ageing
+VISIBLE = 1.0  # of a block's noise: an effect that never shows more within its bounds is left out
 PLAY_WIDTHS = (0.06, 0.15, 0.3, 0.55, 0.9)  # half widths of play, of half the temperature span
 
 
@@ -35,6 +38,8 @@ class Variant:
     columns: tuple[int, ...]
     static: int | None = None
     value: float = 0.0
+    strengths: tuple[tuple[str, str, float], ...] = ()
+    """of an effect as the envelope twin has it: name, unit and size per column"""
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,9 @@ class Design:
     calibrated: bool
     cross: list[tuple[int, ...]]
     """per static curve: columns of cross_damping over the same temperature"""
+    white_rad_s: float = 1.0
+    described: bool = False
+    """the nominal columns are what a device description calls uncertain, a standard deviation each"""
 
 
 class _Builder:
@@ -80,10 +88,18 @@ class _Builder:
             self.scales.append(each / spread)
         return tuple(range(first, len(self.columns)))
 
+    def add_as_is(self, columns: np.ndarray) -> tuple[int, ...]:
+        """(n, k): responses to one standard deviation each."""
+        first = len(self.columns)
+        self.columns += list(columns.T)
+        self.scales += [1.0] * columns.shape[1]
+        return tuple(range(first, len(self.columns)))
+
 
 def build(blocks: Blocks) -> Design:
     b = _Builder(blocks)
     calibrated = blocks.evidence.bias_rad_s is not None
+    uncertain = () if blocks.fine_uncertain is None else b.add_as_is(blocks.mean(blocks.fine_uncertain))
     statics: list[tuple[int, ...]] = []
     targets: list[np.ndarray] = []
     cross: list[tuple[int, ...]] = []
@@ -91,7 +107,7 @@ def build(blocks: Blocks) -> Design:
     def static(fine_temperature: np.ndarray, shift: np.ndarray | None) -> int:
         powers = np.polynomial.legendre.legvander(np.clip(b.x(fine_temperature), -1.3, 1.3), CROSS_ORDER)
         means = blocks.mean(powers)
-        nominal = () if calibrated else b.add([means[:, i] for i in range(STATIC_ORDER + 1)], 10.0 * b.size, share=False)
+        nominal = uncertain if calibrated else b.add([means[:, i] for i in range(STATIC_ORDER + 1)], 10.0 * b.size, share=False)
         extra = range(0, STATIC_ORDER + 1) if calibrated else range(STATIC_ORDER + 1, CROSS_ORDER + 1)
         cross.append(b.add([means[:, i] for i in extra], b.size))
         statics.append(nominal)
@@ -110,11 +126,35 @@ def build(blocks: Blocks) -> Design:
         effects["thermometer_error"] = _thermometer_error(b)
     if blocks.fine_true_rate is not None and np.ptp(blocks.fine_true_rate) > 1e-6:
         effects |= _rate_effects(b)
+    expected = blocks.evidence.expected
     if blocks.fine_measured_degc is not None:  # the thermometer is judged by itself: thermometer.py
-        effects = {name: v for name, v in effects.items() if name not in ("thermometer_lag", "thermometer_error")}
+        effects = {name: v for name, v in effects.items() if name not in OF_THE_THERMOMETER}
+    if expected is not None:
+        effects |= _as_the_twin_has_them(b, expected.shown, effects)
     if np.ptp(blocks.temperature_degc) < 1.0:
-        effects = {name: v for name, v in effects.items() if name in ("ageing", "coriolis_gain", "rate_reference")}
-    return Design(np.column_stack(b.columns), blocks.residual_rad_s, statics, np.array(targets), effects, np.array(b.scales), calibrated, cross)
+        effects = _without_temperature(effects)
+    return Design(np.column_stack(b.columns), blocks.residual_rad_s, statics, np.array(targets), effects, np.array(b.scales), calibrated, cross,
+                  blocks.white_rad_s, bool(uncertain))
+
+
+def _as_the_twin_has_them(b: _Builder, shown: dict[str, list[list[Strength]]], own: dict[str, list[Variant]]) -> dict[str, list[Variant]]:
+    """Effects of a described device, as far as the output can show them within their bounds, beside this file's own shapes of them."""
+    found: dict[str, list[Variant]] = {}
+    for name, shapes in shown.items():
+        for strengths in shapes:
+            means = [(s, b.blocks.mean(b.blocks.fine(s.response))) for s in strengths]
+            seen = [(s, column) for s, column in means if REACH * float(np.max(np.abs(column))) > VISIBLE * b.blocks.white_rad_s]
+            if seen and name != "cross_damping":  # its own columns are complete
+                columns = b.add([column for _, column in seen], b.size)
+                variant = Variant("of the described device", columns, strengths=tuple((s.name, s.unit, s.size) for s, _ in seen))
+                found.setdefault(name, list(own.get(name, []))).append(variant)
+    return found
+
+
+def _without_temperature(effects: dict[str, list[Variant]]) -> dict[str, list[Variant]]:
+    """What can be seen at one temperature."""
+    kept = {name: [v for v in variants if v.strengths or name in ("ageing", "coriolis_gain", "rate_reference")] for name, variants in effects.items()}
+    return {name: variants for name, variants in kept.items() if variants}
 
 
 def _lags(b: _Builder, calibrated: bool, static) -> list[Variant]:  # noqa: ANN001 - local function of build
@@ -122,6 +162,7 @@ def _lags(b: _Builder, calibrated: bool, static) -> list[Variant]:  # noqa: ANN0
     blocks = b.blocks
     time_s, temperature = blocks.fine_time_s, blocks.fine_temperature_degc
     branch_s = (time_s[-1] - time_s[0]) / max(1, len(blocks.branches))
+    shortest_part_s = max(0.02 * branch_s, PART_BLOCKS * (time_s[-1] - time_s[0]) / len(blocks))
     slope = _slope(time_s, temperature, blocks.per_block)
     found = []
     for tau in branch_s * np.geomspace(*LAG_SHARES, LAG_STEPS):
@@ -130,7 +171,7 @@ def _lags(b: _Builder, calibrated: bool, static) -> list[Variant]:  # noqa: ANN0
             late = temperature
             for _ in range(poles):
                 late = Lag(time_s, np.full(len(time_s), tau / poles))(late)
-            found += _bias_late(b, calibrated, static, float(tau), late, "" if poles == 1 else f", {poles} poles", tau > 0.02 * branch_s)
+            found += _bias_late(b, calibrated, static, float(tau), late, "" if poles == 1 else f", {poles} poles", tau > shortest_part_s)
     return found
 
 

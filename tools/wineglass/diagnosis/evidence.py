@@ -15,10 +15,14 @@ from wineglass.errors import BadInput
 if TYPE_CHECKING:
     from wineglass.calibration.base import Base
     from wineglass.calibration.observations import Observations
+    from wineglass.device import Device
+    from wineglass.diagnosis.described import Expected
+    from wineglass.diagnosis.noise_level import NoiseEvidence
     from wineglass.recording import Recording
 
 DEVIATING_STEP = 1.5  # of the usual distance between samples: beyond it samples are missing
 RESTING = 1e-3  # of the true rate's span: closer than that a turn has come to rest
+TURNING_S = 0.3  # before and after a turn changes: filters and loops
 PAUSE_S = 30.0  # and usual steps: a longer pause is a new power-up or segment, not lost samples
 
 
@@ -29,7 +33,9 @@ class Evidence:
     temperature_degc: the shell's own where the bench recorded it (then measured_degc is the thermometer's), else the thermometer's
     bias_rad_s: what the calibration predicts (n,), None: no calibration is known, so the nominal static curve is fitted
     bias_slope: its derivative over temperature [rad/s/degC] (n,)
-    white_floor_rad_s: noise per sample the device should have, None: unknown
+    expected: what a described device would do, None: no device is described
+    thermometer: the same without anything left out, for judging the thermometer by itself
+    noise: what noise, lines and readings of a described device's output say
     """
 
     source: str
@@ -41,8 +47,10 @@ class Evidence:
     true_rate_rad_s: np.ndarray | None = None
     bias_rad_s: np.ndarray | None = None
     bias_slope: np.ndarray | None = None
-    white_floor_rad_s: float | None = None
     measured_degc: np.ndarray | None = None
+    expected: Expected | None = None
+    thermometer: Evidence | None = None
+    noise: NoiseEvidence | None = None
     lost: int = 0
     device: str | None = None
     firmware: str | None = None
@@ -100,30 +108,56 @@ def from_recording(path: Path, device: str | None = None) -> Evidence:
         if channel not in recording.tap("output"):
             raise BadInput("the recording holds no rate", path, "record output/rate_uncompensated or output/rate")
         data = observe(recording, channel)
-        measured, shell = data.temperature_degc, _shell(recording, channel, data)
+        measured, shell = data.temperature_degc, _shell(recording, channel, data, known is not None)
         if shell is not None:
             data = replace(data, temperature_degc=shell)
         bias, slope, true_rate, notes = _nominal(recording, channel, data)
+        expected = _expected(recording, known, channel, data, measured)
+        if expected is not None:
+            bias, slope = expected.rate - (0.0 if true_rate is None else true_rate), expected.slope
+            notes = ["the nominal twin is the envelope twin of the described device over the recorded inputs", *expected.notes]
+        noise = None if expected is None else _noise(recording, known)
         unused = [name for name in ("raw", "baseband") if name in recording]
         if unused:
             notes.append(f"taps not used by the rate-level engine: {', '.join(unused)}")
         lost = int(recording.tap("output").lost.sum())
         firmware = recording.firmware_version or None
     use = data.valid & _settled(data, true_rate)
+    if expected is not None:
+        use &= expected.use
+        measured = measured - expected.measured_minus_shell
+    nothing = np.zeros(len(data.time_s))
+    whole = None if shell is None else Evidence(str(path), digest, "temperature_measured", data.time_s, shell, nothing, measured_degc=measured)
     if not use.all() and use.sum() < data.valid.sum():
-        notes.append(f"{int(data.valid.sum() - use.sum())} samples while the true rate changed, and shortly after, are left out")
+        notes.append(f"{int(data.valid.sum() - use.sum())} samples while the rate changed or a command disturbed it, and shortly after, are left out")
     return checked(Evidence(
         source=str(path), sha256=digest, channel=channel, time_s=data.time_s[use], temperature_degc=data.temperature_degc[use],
         rate_rad_s=data.measured[use], true_rate_rad_s=None if true_rate is None else true_rate[use],
         bias_rad_s=None if bias is None else bias[use], bias_slope=None if slope is None else slope[use], lost=lost,
-        measured_degc=None if shell is None else measured[use], device=None if known is None else known.name, firmware=firmware, notes=(*damage, *notes),
+        measured_degc=None if shell is None else measured[use], expected=None if expected is None else expected.at(use),
+        thermometer=whole, noise=noise, device=None if known is None else known.name, firmware=firmware, notes=(*damage, *notes),
     ))
 
 
-def _shell(recording: Recording, channel: str, data: Observations) -> np.ndarray | None:
-    """The shell's own temperature (n,). Not where the rate was compensated by the thermometer: then its own errors count."""
+def _expected(recording: Recording, device: Device | None, channel: str, data: Observations, measured: np.ndarray) -> Expected | None:
+    """None without calibration: there is no telling what the output's scale is."""
+    if device is None or not recording.calibration_block:
+        return None
+    from wineglass.diagnosis.described import expect
+
+    return expect(recording, device, channel, data.time_s, measured)
+
+
+def _noise(recording: Recording, device: Device | None) -> NoiseEvidence:
+    from wineglass.diagnosis import noise_level
+
+    return noise_level.examine(recording, device)
+
+
+def _shell(recording: Recording, channel: str, data: Observations, described: bool) -> np.ndarray | None:
+    """The shell's own temperature (n,). Not where the rate was compensated by the thermometer, unless the twin knows how: then its own errors count."""
     tap = recording.taps.get("reference")
-    if tap is None or "shell_temperature" not in tap or (channel == "rate" and recording.calibration_block):
+    if tap is None or "shell_temperature" not in tap or (not described and channel == "rate" and recording.calibration_block):
         return None
     there = np.isfinite(tap["shell_temperature"])
     if there.sum() < 0.9 * len(there) or there.sum() < 20:
@@ -181,7 +215,8 @@ def _settled(data: Observations, lagged_rate: np.ndarray | None) -> np.ndarray:
         return everything
     still = np.abs(lagged_rate - data.true_rate_rad_s) <= RESTING * np.ptp(data.true_rate_rad_s)
     moving = np.abs(np.diff(data.true_rate_rad_s, prepend=data.true_rate_rad_s[0])) > RESTING * np.ptp(data.true_rate_rad_s)
-    still &= ~(moving | np.roll(moving, 1) | np.roll(moving, -1))
+    reach = max(1, round(TURNING_S / max(1e-9, float(np.median(np.diff(data.time_s))))))
+    still &= np.convolve(moving, np.ones(2 * reach + 1), "same") < 0.5
     return still if still.sum() > 0.3 * len(still) else everything
 
 

@@ -91,7 +91,7 @@ def _evidence(evidence: Evidence, time_s: np.ndarray, temperature: np.ndarray) -
     """The same sensor over another profile; its rate holds nothing but a trace of noise."""
     trace = np.random.default_rng(22).standard_normal(len(time_s)) * 1e-12
     return replace(evidence, time_s=time_s, temperature_degc=temperature, rate_rad_s=trace, true_rate_rad_s=None, bias_rad_s=None,
-                   bias_slope=None, measured_degc=None)
+                   bias_slope=None, measured_degc=None, expected=None)
 
 
 def _predict(design: Design, other: Design, best: bayes.Fit, fresh: Blocks) -> np.ndarray:

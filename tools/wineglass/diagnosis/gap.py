@@ -43,7 +43,13 @@ def nominal_residual(design: Design, split: Split) -> np.ndarray:
 def _beyond_nominal(design: Design, split: Split, values: np.ndarray) -> np.ndarray:
     """values (n, ...) minus the nominal curve fitted to their fit part"""
     nominal = design.matrix[:, list(design.statics[0])]
-    return values - nominal @ np.linalg.lstsq(nominal[split.fit], values[split.fit], rcond=None)[0] if nominal.shape[1] else values
+    if not nominal.shape[1]:
+        return values
+    rows, wanted = nominal[split.fit], values[split.fit]
+    if design.described:  # within tolerance: a standard deviation weighs as much as a block's noise
+        tied = design.white_rad_s * np.eye(nominal.shape[1])
+        rows, wanted = np.vstack([rows, tied]), np.concatenate([wanted, np.zeros((nominal.shape[1], *wanted.shape[1:]))])
+    return values - nominal @ np.linalg.lstsq(rows, wanted, rcond=None)[0]
 
 
 def assembled(parts: list[Split], residuals: list[np.ndarray]) -> np.ndarray:

@@ -63,6 +63,8 @@ def _draw(design: Design, fit: Fit, effect: str, count: int, rng: np.random.Gene
         factor = np.linalg.cholesky(fit.covariance[np.ix_(places, places)] + 1e-18 * np.eye(len(places)))
         coefficients = fit.mean[places] + rng.standard_normal((count, len(places))) @ factor.T
     physical = coefficients * design.scale[list(variant.columns)] if places else coefficients
+    if variant.strengths:
+        return [(name, unit, physical[:, i] * size) for i, (name, unit, size) in enumerate(variant.strengths)]
     if effect == "thermometer_lag":
         between = np.exp(0.5 * LOG_LAG_STEP * rng.uniform(-1.0, 1.0, count))  # the time constants tried are that far apart
         return [("lag_s" if variant.value > 0 else "bias_lag_s", "s", abs(variant.value) * between)]

@@ -146,13 +146,16 @@ def _charged(found: HeldOut, bare: HeldOut) -> float:
 
 
 def _with_imitators(logs: dict[tuple[str, ...], float], left: dict[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
+    """Only what imitates without effects to spare: a set that holds another imitator owes it nothing. A part of the best explanation that does as well as the
+    whole is as probable: what the rest adds may be the form's error."""
     best = max(logs, key=lambda ids: logs[ids])
     if best not in left or best == () or not left[()] > 0.0:
         return logs
     bound = max(IMITATES * left[()], 1.3 * left[best])
-    for ids, rms in left.items():
-        if ids and ids != best and len(ids) <= len(best) and rms <= bound:
-            logs[ids] = max(logs[ids], logs[best] - IMITATOR_NATS)
+    able = [ids for ids, rms in left.items() if ids and ids != best and len(ids) <= len(best) and rms <= bound]
+    for ids in able:
+        if not any(set(other) < set(ids) for other in able):
+            logs[ids] = max(logs[ids], logs[best] - (0.0 if set(ids) < set(best) else IMITATOR_NATS))
     return logs
 
 

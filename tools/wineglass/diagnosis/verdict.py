@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wineglass import __version__
-from wineglass.diagnosis import bayes, experiments, gap, parameters, thermometer
-from wineglass.diagnosis.blocks import STEADY_DEGC
+from wineglass.diagnosis import bayes, experiments, gap, output_noise, parameters, thermometer
+from wineglass.diagnosis.blocks import STEADY_DEGC, make_blocks
 from wineglass.diagnosis.contract import (ChannelShrink, Diagnosis, EffectFound, Hypothesis, NextExperiment, Provenance, Region, Shrink,
                                           TotalShrink, Where)
 from wineglass.diagnosis.evidence import Evidence, missing_samples
@@ -115,7 +115,8 @@ def diagnose(evidence: Evidence, found: Analysis | None) -> Diagnosis:
     named = sorted({e for ids in outcome.named for e in ids if e in EFFECTS})
     hypotheses = _hypotheses(found, outcome)
     effects = _effects(found, named, outcome, hypotheses)
-    return thermometer.join(Diagnosis(
+    seen = make_blocks(evidence.thermometer) if evidence.thermometer is not None else found.blocks
+    diagnosis = thermometer.join(Diagnosis(
         verdict=outcome.verdict,
         sentence=sentence(found, outcome),
         where=_where(found, outcome, effects),
@@ -126,7 +127,8 @@ def diagnose(evidence: Evidence, found: Analysis | None) -> Diagnosis:
         next_experiment=_next(found, outcome),
         notes=[*evidence.notes, *extra, *_notes(found, outcome)],
         provenance=_provenance(evidence),
-    ), thermometer.examine(found.blocks))
+    ), thermometer.examine(seen or found.blocks))
+    return diagnosis if evidence.noise is None else output_noise.join(diagnosis, evidence.noise)
 
 
 def sentence(found: Analysis, outcome: Outcome) -> str:
@@ -240,6 +242,9 @@ def _next(found: Analysis, outcome: Outcome) -> NextExperiment | None:
     if outcome.verdict == "unknown":
         return NextExperiment(run="run the same thermal cycle twice in a row", separates=[], predicted_separation=None,
                               why="what repeats depends on temperature or its history, what does not depends on time or on something unrecorded")
+    if found.design.described:
+        return NextExperiment(run="the same recording with the baseband tap", separates=[list(ids) for ids in outcome.named], predicted_separation=None,
+                              why="drive, quadrature and frequency tell apart what looks alike in the rate")
     pair = [ids for ids in outcome.named if ids in found.scores.supports][:2]
     names = [list(ids) for ids in outcome.named]
     rate = {"coriolis_gain", "rate_reference"} & {e for ids in outcome.named for e in ids}
@@ -256,7 +261,7 @@ def _notes(found: Analysis, outcome: Outcome) -> list[str]:
     notes = [f"before, after and floor are rms of block means; they are computed by the {COMPUTED_BY}"]
     if not found.design.calibrated:
         notes.append("without calibration a static error (cross_damping up to the cubic, thermometer_error) is absorbed by the fitted curve and cannot be seen")
-    if found.blocks.evidence.white_floor_rad_s is None:
+    if found.blocks.evidence.noise is None:
         notes.append("the device's noise is not described: excess_noise cannot be seen, flicker_noise only above the noise of one sample")
     if found.blocks.evidence.true_rate_rad_s is None:
         notes.append("no true rate: the gyro is taken to stand still; coriolis_gain and rate_reference cannot be seen")
