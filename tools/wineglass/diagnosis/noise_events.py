@@ -1,7 +1,10 @@
 """Single events: instants at which the drive loop had to catch up with a jump of the shell's phase.
 
 A sample that is lost advances the shell by f/fs of a turn against the oscillator, one that is doubled takes it back; the phase loop turns the
-oscillator by as much within milliseconds, so the frequency's excursion, integrated, is k f/fs turns."""
+oscillator by as much within milliseconds, so the frequency's excursion, integrated, is k f/fs turns.
+
+A sample that repeats the one before it turns nothing. It is wrong by up to what the shell moves in a sample, so the primary's amplitude is off in one
+telemetry interval, by no more than that over the interval's samples; then the amplitude's loop, which was misled, takes it back."""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import median_filter
 
-from wineglass.recording.reader import Recording
+from wineglass.recording.reader import Recording, Tap
 from wineglass.wire import Status
 
 THRESHOLD = 12.0
@@ -24,17 +27,26 @@ AFTER_START_S, AFTER_COMMAND_S = 1.5, 1.5
 LONGEST_S, LONGEST_SAMPLES = 0.12, 6
 LEAST_TURNS = 0.02
 """a corner of the chamber's profile bends the frequency, too, but by less"""
+STALE_THRESHOLD, QUIET = 15.0, 5.0
+"""sigmas of the step of the amplitude from one interval to the next: of a wrong sample, and of the one before it"""
+LEAST_STALE, STALE_MARGIN = 2, 1.15
 LARGEST_COUNT = 4
 """more samples at once are told apart from nothing: turns are known modulo one"""
 
 
 @dataclass(frozen=True)
 class Event:
-    """turns: by which the oscillator had to turn; samples: how many were lost (below zero: doubled), 0 when no whole number fits"""
+    """turns: by which the oscillator had to turn; samples: how many were lost (below zero: doubled), 0 when no whole number fits; stale: a single wrong
+    sample, which turned nothing"""
 
     time_s: float
     turns: float
     samples: int
+    stale: bool = False
+
+    @property
+    def of_a_sample(self) -> bool:
+        return self.samples != 0 or self.stale
 
 
 @dataclass(frozen=True)
@@ -49,14 +61,14 @@ class Events:
 
     @property
     def slips(self) -> list[Event]:
-        return [event for event in self.found if event.samples != 0]
+        return [event for event in self.found if event.of_a_sample]
 
     @property
     def log_evidence(self) -> dict[str, float]:
         """dropped_samples, and events of another kind, each against none. An excursion of twelve sigmas is no noise."""
         if not self.found:
             return {"dropped_samples": -1.0, "other": -1.0}
-        own = sum(3.5 if event.samples else -8.0 for event in self.found)
+        own = sum(3.5 if event.of_a_sample else -8.0 for event in self.found)
         return {"dropped_samples": 60.0 + 2.0 + own, "other": 60.0}
 
 
@@ -81,6 +93,7 @@ def find(recording: Recording) -> Events | None:
     found = [_event(tap.time_s, rest, group, tap.sample_rate_hz, per_sample) for group in groups
              if len(group) <= max(LONGEST_S * tap.sample_rate_hz, LONGEST_SAMPLES)]
     found = [event for event in found if abs(event.turns) >= LEAST_TURNS]
+    found = sorted(found + _stale(tap, usable, [event.time_s for event in found], per_sample), key=lambda event: event.time_s)
     return Events(found, np.count_nonzero(usable) / tap.sample_rate_hz, tap.counter_rate_hz)
 
 
@@ -109,6 +122,41 @@ def _locked_since(recording: Recording) -> float:
         return float(tap.time_s[0]) + 2.0
     locked = np.where(tap.lost, 0, np.nan_to_num(tap["status"])).astype(np.int64) & int(Status.LOCKED) != 0
     return float(tap.time_s[int(np.argmax(locked))]) if locked.any() else math.inf
+
+
+def _stale(tap: Tap, usable: np.ndarray, jumps_s: list[float], per_sample: float) -> list[Event]:
+    """Amplitudes that are off in a single interval. per_sample: turns of the carrier."""
+    if "primary_in_phase" not in tap:
+        return []
+    step = np.diff(tap["primary_in_phase"])
+    sound = np.isfinite(step) & usable[1:]
+    if np.count_nonzero(sound) < 64:
+        return []
+    sigma = 1.4826 * float(np.median(np.abs(step[sound])))
+    at = np.arange(2, len(step) - 1)
+    single = (np.abs(step[at]) > STALE_THRESHOLD * sigma) & (np.abs(step[at - 1]) < QUIET * sigma) & (np.abs(step[at - 2]) < QUIET * sigma)
+    single &= (step[at + 1] * step[at] < 0.0) & (np.abs(step[at + 1]) > np.abs(step[at])) & sound[at] & sound[at - 1] & sound[at + 1]
+    found = [number for number in at[single] if not any(abs(tap.time_s[number + 1] - jump) < AFTER_COMMAND_S for jump in jumps_s)]
+    if len(found) < LEAST_STALE:
+        return []
+    sines = _sines(tap, step[found], per_sample)
+    swings = _swings(sines)
+    return [Event(float(tap.time_s[number + 1]), 0.0, 0, swings and abs(sine) < STALE_MARGIN) for number, sine in zip(found, sines, strict=True)]
+
+
+def _sines(tap: Tap, steps: np.ndarray, per_sample: float) -> np.ndarray:
+    """A repeated sample of x = A cos(phi), with a turn of d per sample, is wrong by 2 A sin(d/2) sin(phi - d/2); an interval of n samples reads 2/n cos(phi)
+    of that, 2/n A sin(d/2) (sin(2 phi - d/2) - sin(d/2)). The first of both sines from what was read, (k,)."""
+    amplitude = float(np.nanmax(np.abs(tap["primary_in_phase"])))
+    half = math.sin(math.pi * per_sample)
+    size = 2.0 * amplitude * half * tap.sample_rate_hz / tap.counter_rate_hz
+    return np.asarray(steps / size + half)
+
+
+def _swings(sines: np.ndarray) -> bool:
+    """Instants of chance: as often up as down, and in two of three cases beyond a half."""
+    slack = 0.12 + 1.5 / math.sqrt(len(sines))
+    return bool(abs(np.mean(sines > 0.0) - 0.5) < slack and abs(np.mean(np.abs(sines) > 0.5) - 2.0 / 3.0) < slack)
 
 
 def _event(time_s: np.ndarray, rest: np.ndarray, group: np.ndarray, rate_hz: float, per_sample: float) -> Event:

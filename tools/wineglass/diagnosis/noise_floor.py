@@ -22,6 +22,8 @@ PRIMARY = ("primary_in_phase", "primary_quadrature")
 SECONDARY = ("secondary_in_phase", "secondary_quadrature")
 FORCES = ("rebalance_in_phase", "rebalance_quadrature")
 RATE = "rate"
+DRIVE = ("drive_frequency", "drive_level")
+"""Hz and FS: what the loops of phase and amplitude make of the primary's noise"""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,9 @@ class FloorModel:
         pll, agc = self._pll, self._agc
         found = {PRIMARY[0]: self._folded(lambda f: white(f) * np.abs(agc.sensitivity(f)) ** 2),
                  PRIMARY[1]: self._folded(lambda f: white(f) * np.abs(pll.sensitivity(f)) ** 2)}
+        turns = 2.0 * math.pi * self.calibration.amplitude_set_point_fs
+        found |= {DRIVE[0]: self._sampled(lambda f: white(f) * np.abs(pll.sensitivity(f) * pll.controller(f)) ** 2) / turns**2,
+                  DRIVE[1]: self._sampled(lambda f: white(f) * np.abs(agc.sensitivity(f) * agc.controller(f)) ** 2)}
         if self.loop == "rebalance":
             loop = self._rebalance
             amplitude = self._folded(lambda f: white(f) * np.abs(loop.sensitivity(f)) ** 2)
@@ -173,6 +178,16 @@ class FloorModel:
         frequency = np.where(np.abs(frequency) < 1e-6, 1e-6, frequency)
         return 2.0 * np.sum(density(frequency) * self._mean_power(frequency), axis=1)
 
+    def _sampled(self, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """The same of what is looked at once per slow tick, and averaged from there."""
+        slow_hz = self.calibration.slow_rate_hz
+        count, ticks = max(1, round(slow_hz / self.rate_hz)), max(1, round(self.calibration.loop_rate_hz / slow_hz))
+        frequency = self.frequency_hz[:, None] + (np.arange(count) - count // 2) * self.rate_hz
+        half = np.pi * np.where(np.abs(frequency) < 1e-6, 1e-6, frequency) / slow_hz
+        means = (np.sin(count * half) / (count * np.sin(half))) ** 2
+        looked_at = sum(density(frequency + image * slow_hz) for image in np.arange(ticks) - ticks // 2)
+        return np.asarray(2.0 * np.sum(looked_at * means, axis=1))
+
     @cached_property
     def _pll(self) -> Loop:
         return drive.pll(self.device, Gains(self.calibration.pll_kp_per_s, self.calibration.pll_ki_per_s2))
@@ -199,6 +214,11 @@ def _filter_pulse(choice: int, length: int = 2048) -> np.ndarray:
 def flicker(frequency_hz: np.ndarray) -> np.ndarray:
     """One-sided density of noise with equal power per octave, 1/f: relaxations a factor of four apart, each of rms 1, have 0.72/f in their midst."""
     return 1.0 / (math.log(4.0) * np.asarray(frequency_hz))
+
+
+def walk(frequency_hz: np.ndarray) -> np.ndarray:
+    """One-sided density of a random walk of 1 per root second."""
+    return 1.0 / (2.0 * (math.pi * np.asarray(frequency_hz)) ** 2)
 
 
 def relaxations(frequency_hz: np.ndarray, fastest_s: float = 1.0, count: int = 5, factor: float = 4.0) -> np.ndarray:

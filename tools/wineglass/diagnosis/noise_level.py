@@ -17,7 +17,7 @@ import numpy as np
 from wineglass import device as devices
 from wineglass.calibration_block import Calibration, from_binary
 from wineglass.device import Device
-from wineglass.diagnosis import noise_events, noise_lines, noise_spectra, noise_trend, noise_windows, output_check, raw_codes, replay, thermometer_codes
+from wineglass.diagnosis import noise_added, noise_events, noise_floor, noise_lines, noise_spectra, noise_trend, noise_windows, output_check, raw_codes, replay, thermometer_codes
 from wineglass.diagnosis.noise_events import Events
 from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, SECONDARY, FloorModel, Pickoff
 from wineglass.diagnosis.noise_lines import Lines
@@ -41,6 +41,7 @@ ECHO = 100.0
 """height of a line as far as the primary can show it"""
 ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermometer_quantisation")
 """effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
+STALE_S, DECAYS = 0.5, 5.0
 _CURVES = frozenset({"adc_saturation", "adc_nonlinearity"})
 OTHER_PENALTY = 4.0
 
@@ -69,6 +70,15 @@ class NoiseEvidence:
     def parameters(self, effect_id: str) -> list[Parameter]:
         """name, value, 95 % interval, unit; in the catalogue's names"""
         return self._parameters.get(effect_id, [])
+
+    def added(self, effects: frozenset[str]) -> noise_added.Added:
+        """What these effects' noise, as strong as the spectra say, does to slow channels: densities for their floors, and the bias' own wander."""
+        return noise_added.of(self.spectral.estimates if self.spectral is not None else {}, effects)
+
+    def disturbed_s(self, decay_per_s: float) -> list[tuple[float, float]]:
+        """Spans in which single events shake slow channels: a wrong sample misleads the loops, a jump of phase moves the shell until it has decayed."""
+        found = self.events.found if self.events is not None else []
+        return [(event.time_s - 0.1, event.time_s + (STALE_S if event.stale else DECAYS / decay_per_s)) for event in found]
 
     @property
     def named(self) -> list[str]:
@@ -291,6 +301,8 @@ class _Looks:
             return 0.0
         found = self.events.log_evidence
         scores = [found[kind] for kind in ("dropped_samples", OTHER) if kind in chosen]
+        if not scores and any(self._alone(effect) > SURE for effect in chosen & set(ANYTHING)):
+            scores = [max(0.0, found[OTHER])]
         return _bounded(max(scores)) if scores else 0.0
 
     def _bent(self, chosen: frozenset[str]) -> float:
@@ -324,7 +336,7 @@ class _Looks:
         found: dict[str, list[Parameter]] = {}
         if self.spectral is not None:
             for effect, estimates in self.spectral.estimates.items():
-                found[effect] = [(_CATALOGUE.get(e.name, e.name), e.value, (e.low, e.high), e.unit) for e in estimates]
+                found[effect] = [_in_catalogue(estimate) for estimate in estimates]
         if self.lines is not None:
             for kind, line in self.lines.best.items():
                 if np.isfinite(line.amplitude) and np.isfinite(line.frequency_hz):
@@ -383,8 +395,15 @@ class _Looks:
                 "adc_saturation": raw, "adc_nonlinearity": raw, "firmware_mismatch": firmware}
 
 
-_CATALOGUE = {"slow_jitter_s": "jitter_s", "octaves_rad_s": "bias_rad_s"}
+_CATALOGUE = {"slow_jitter_s": "jitter_s", "octaves_rad_s": "bias_rad_s", "walk_rad_s_per_rt_s": "bias_rad_s"}
+_WALK = float(np.sqrt(noise_floor.walk(np.array([0.7])) / noise_floor.relaxations(np.array([0.7])))[0])
+"""rms of relaxations that are as strong where both are seen as a walk of 1 per root second"""
 _STAGE = {"vibration": "environment", "interference": "environment", "clock_jitter": "clock", OTHER: "secondary"}
+
+
+def _in_catalogue(found: noise_spectra.Estimate) -> Parameter:
+    size, unit = (_WALK, "rad/s rms") if found.name.startswith("walk") else (1.0, found.unit)
+    return _CATALOGUE.get(found.name, found.name), size * found.value, (size * found.low, size * found.high), unit
 
 
 def _line_parameters(line: noise_lines.Line) -> list[Parameter]:

@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 from wineglass.calibration_block import Calibration
 from wineglass.device import Device
 from wineglass.diagnosis import noise_windows
-from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, RATE, SECONDARY, FloorModel, Pickoff, flicker, relaxations
+from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, RATE, SECONDARY, FloorModel, Pickoff, flicker, relaxations, walk
 from wineglass.diagnosis.noise_mixture import WANDERS, Mixture
 from wineglass.diagnosis.noise_windows import Windows
 from wineglass.recording.reader import Tap
@@ -209,7 +209,8 @@ def _answers(channel: str, amplitude: float, model: FloorModel, white: np.ndarra
     scale = (amplitude / model.calibration.amplitude_set_point_fs) ** 2
     named = channel if channel != RATE else FORCES[0] if model.loop == "rebalance" else SECONDARY[0]
     return {"secondary_fs": white, f"other_{named}": white, f"other_slow_{named}": white * (1.0 / model.frequency_hz) ** 2,
-            "bias_rad_s": scale * model.of_rate(channel, relaxations), "octaves_rad_s": scale * model.of_rate(channel, flicker)}
+            "bias_rad_s": scale * model.of_rate(channel, relaxations), "octaves_rad_s": scale * model.of_rate(channel, flicker),
+            "walk_rad_s_per_rt_s": scale * model.of_rate(channel, walk)}
 
 
 def _without_lines(densities: np.ndarray, white: np.ndarray) -> np.ndarray:
@@ -237,7 +238,8 @@ def sources(device: Device) -> dict[str, Source]:
         Source("excess_noise", "secondary_fs", "FS rms", 0.3 * floor, 300.0 * floor),
         Source("clock_jitter", "jitter_s", "s rms", 0.2 * floor / speed, 300.0 * floor / speed),
         Source("clock_jitter", "slow_jitter_s", "s rms", 0.2 * floor / speed, 300.0 * floor / speed),
-        Source("flicker_noise", "bias_rad_s", "rad/s rms", least, 1e-3), Source("flicker_noise", "octaves_rad_s", "rad/s rms", least, 1e-3))}
+        Source("flicker_noise", "bias_rad_s", "rad/s rms", least, 1e-3), Source("flicker_noise", "octaves_rad_s", "rad/s rms", least, 1e-3),
+        Source("flicker_noise", "walk_rad_s_per_rt_s", "rad/s/sqrt(s)", least, 1e-3))}
 
 
 def weigh(bands: list[Band], device: Device, windows: int) -> SpectralEvidence:
