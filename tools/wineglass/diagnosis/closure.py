@@ -12,20 +12,17 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from wineglass import effects
-from wineglass.device import Device
 from wineglass.diagnosis.explain import Explained, Support, explained, posterior_mean, prior_of
-from wineglass.diagnosis.responses import POLAR, REACH, Bench, Responses, Variant, uncertainties
+from wineglass.diagnosis.responses import POLAR, REACH, Bench, Responses, Variant
 from wineglass.diagnosis.system import Products, System, products
-from wineglass.diagnosis.unit import Unit
 from wineglass.effects import Setting
 from wineglass.errors import BadInput
 
-RUNS = 40
+RUNS, FEW_RUNS, HOPELESS = 40, 10, 2.0  # HOPELESS: times the cost of the best explanation
 SLOW = 0.4  # share of what the linear system promised that a good step keeps; after a worse one the Jacobian is computed anew
 ENOUGH = 0.3  # nats promised: then it is closed
 NEGLIGIBLE = 1e-4  # of a prior's spread
 SHAPE_STEP, STRENGTH_STEP = 0.05, 0.005
-SETTLE_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -53,8 +50,7 @@ class Closed:
     jacobian: np.ndarray
     """(k, channels, n) in the channels' units"""
     response: np.ndarray
-    """(channels, n): what the effects, and the unit where it is another one, do to the bench's nominal run, in the channels' units"""
-    ground: Ground
+    """(channels, n): what the effects do to the bench's nominal run, in the channels' units"""
     products: Products
     runs: int
     entry: Explained = field(init=False)
@@ -102,9 +98,8 @@ def _polar(effect: str, given: dict[str, float]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Ground:
-    """What is uncertain, about one unit: raw (m, channels, n) slopes in the channels' units, centre (m,) where the unit has them."""
+    """What is uncertain: raw (m, channels, n) slopes in the channels' units, centre (m,) where the bench's unit has them."""
 
-    unit: Unit
     raw: np.ndarray
     centre: np.ndarray
 
@@ -114,44 +109,27 @@ class Closer:
 
     def __init__(self, bench: Bench, system: System, responses: Responses, pick: list[int]):
         self.bench, self.system, self.responses, self.pick = bench, system, responses, pick
-        self.usual = Ground(bench.unit, responses.values[list(responses.nuisances)][:, pick, :], responses.centre)
-        self._stand_on(self.usual)
-
-    def _stand_on(self, ground: Ground) -> None:
-        self.ground, self.nuisance = ground, self.system.whiten(ground.raw)
+        self.ground = Ground(responses.values[list(responses.nuisances)][:, pick, :], responses.centre)
+        self.nuisance = self.system.whiten(self.ground.raw)
+        self._cheapest = np.inf
         self._flat = self.nuisance.reshape(len(self.nuisance), -1)
         self._gram = self._flat @ self._flat.T
         self._factor = cho_factor(self._gram + np.eye(len(self.nuisance)))
 
-    def settle(self, closed: Closed) -> Closed:
-        """Closed again together with the unit: what the tolerances and the effects share goes to where their priors want it, and what is
-        uncertain is taken about the device that has these effects."""
-        best = closed
-        try:
-            for _ in range(SETTLE_ROUNDS):
-                gram = best.products.pooled(np.ones(len(self.system.names)))
-                coefficients = best.products.about + posterior_mean(gram, best.places)[0]
-                here = best.ground.unit
-                unit = here.toward(coefficients[: len(here.off)] - here.off)
-                spread, middle = np.array([u.spread for u in best.unknowns]), np.array([u.middle for u in best.unknowns])
-                values = _within(best.unknowns, middle + coefficients[len(best.ground.centre):] * spread)
-                slopes = uncertainties(self.bench, settings_of(best.unknowns, values), unit)
-                centre = self.bench.centre([name for name, _ in slopes], unit)
-                self._stand_on(Ground(unit, np.array([slope[self.pick] for _, slope in slopes]), centre))
-                found = self._search(best.support, best.variants, best.unknowns, values, best.jacobian)
-                gained = self.cost_of(best) - self.cost_of(found)
-                best = found if gained > 0.0 else best
-                if gained < ENOUGH:
-                    break
-        except BadInput:
-            pass
-        finally:
-            self._stand_on(self.usual)
-        return best
-
     def close(self, start: Explained) -> Closed:
         unknowns, jacobian = _begin(self.bench, self.responses, self.pick, start)
         return self._search(start.support, start.variants, unknowns, np.array([u.start for u in unknowns]), jacobian)
+
+    def resume(self, support: Support, variants: tuple[Variant, ...], unknowns: list[Unknown], values: np.ndarray, jacobian: np.ndarray) -> Closed:
+        """Closed from these values, where the Jacobian is known."""
+        return self._search(support, variants, unknowns, values, jacobian, fresh=True)
+
+    def beside(self, closed: Closed, start: Explained) -> Closed:
+        """An explanation with the effects of another one beside its own, which begin where a linear system has them."""
+        unknowns, jacobian = _begin(self.bench, self.responses, self.pick, start)
+        values = np.concatenate([closed.values, [u.start for u in unknowns]])
+        support = tuple(sorted({*closed.support, *start.support}))
+        return self._search(support, closed.variants + start.variants, closed.unknowns + unknowns, values, np.concatenate([closed.jacobian, jacobian]))
 
     def without(self, closed: Closed, effect: str) -> Closed:
         """The same explanation without one of its effects, closed again from where it was."""
@@ -164,16 +142,18 @@ class Closer:
         """Half the energy left plus the priors'."""
         return self._solution(closed.products.pooled(np.ones(len(self.system.names))))[1]
 
-    def _search(self, support: Support, variants: tuple[Variant, ...], unknowns: list[Unknown], values: np.ndarray, jacobian: np.ndarray) -> Closed:
+    def _search(self, support: Support, variants: tuple[Variant, ...], unknowns: list[Unknown], values: np.ndarray, jacobian: np.ndarray,
+                fresh: bool = False) -> Closed:
+        """fresh: the Jacobian (k, channels, n) is the one at these values. What stays far behind the best explanation so far is not followed to its end."""
         spread, middle = np.array([u.spread for u in unknowns]), np.array([u.middle for u in unknowns])
         response = self._respond(unknowns, values)
         cost = self._cost(response, (values - middle) / spread)
-        runs, stride, fresh = 1, 1.0, False
-        while runs < RUNS:
+        runs, stride = 1, 1.0
+        while runs < (RUNS if cost < HOPELESS * self._cheapest else FEW_RUNS):
             at = (values - middle) / spread
             change, promised_cost = self._solution(self._whole(jacobian * spread[:, None, None], response, at))
             promised = cost - promised_cost
-            trial = _within(unknowns, values + stride * change * spread)
+            trial = within_bounds(unknowns, values + stride * change * spread)
             if promised < ENOUGH or stride < 0.02 or np.all(np.abs(trial - values) < NEGLIGIBLE * spread):
                 if fresh or promised < 0.0:
                     break
@@ -191,25 +171,14 @@ class Closer:
             elif fresh:
                 stride, fresh = 0.3 * stride, gained <= 0.0
             else:
-                jacobian, fresh = self._differences(unknowns, values, response), True
+                jacobian, fresh = differences(self.bench, self.pick, unknowns, values, response), True
                 runs += len(unknowns)
+        self._cheapest = min(self._cheapest, cost)
         found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
-        return Closed(support, variants, unknowns, values, jacobian, response, self.ground, found, runs)
+        return Closed(support, variants, unknowns, values, jacobian, response, found, runs)
 
     def _respond(self, unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
-        unit = self.ground.unit
-        return respond(self.bench, self.pick, unknowns, values, None if unit is self.bench.unit else unit.device)
-
-    def _differences(self, unknowns: list[Unknown], values: np.ndarray, response: np.ndarray) -> np.ndarray:
-        """The Jacobian (k, channels, n) at these values, by one run each."""
-        rows = []
-        for i, unknown in enumerate(unknowns):
-            step = SHAPE_STEP * unknown.spread if unknown.role == "shape" else STRENGTH_STEP * max(abs(values[i]), unknown.spread / REACH)
-            step = -step if values[i] + step > unknown.high and unknown.role in ("strength", "shape") else step
-            moved = values.copy()
-            moved[i] += step
-            rows.append((self._respond(unknowns, moved) - response) / step)
-        return np.array(rows)
+        return respond(self.bench, self.pick, unknowns, values)
 
     def _linear(self, jacobian: np.ndarray, response: np.ndarray, at: np.ndarray) -> Products:
         """The system about the present values; unknowns in spreads of their priors, `at` from their middles."""
@@ -240,14 +209,26 @@ class Closer:
         return 0.5 * float(left @ left - along @ cho_solve(self._factor, along) + about @ about + at @ at)
 
 
-def respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, truth: Device | None = None) -> np.ndarray:
+def respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
     """(channels, n); with smaller values where the twin refuses these."""
     for _ in range(12):
         try:
-            return (bench.run(settings_of(unknowns, values), truth=truth) - bench.nominal)[pick]
+            return (bench.run(settings_of(unknowns, values)) - bench.nominal)[pick]
         except BadInput:
             values = 0.5 * values
     raise BadInput("no run of the envelope twin with these effects is possible", "diagnosis", "check the device description")
+
+
+def differences(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, response: np.ndarray) -> np.ndarray:
+    """The Jacobian (k, channels, n) at these values, by one run each; response: the one there."""
+    rows = []
+    for i, unknown in enumerate(unknowns):
+        step = SHAPE_STEP * unknown.spread if unknown.role == "shape" else STRENGTH_STEP * max(abs(values[i]), unknown.spread / REACH)
+        step = -step if values[i] + step > unknown.high and unknown.role in ("strength", "shape") else step
+        moved = values.copy()
+        moved[i] += step
+        rows.append((respond(bench, pick, unknowns, moved) - response) / step)
+    return np.array(rows)
 
 
 def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -259,7 +240,7 @@ def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change:
     return jacobian + (step / length / spread)[:, None, None] * missing[None]
 
 
-def _within(unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
+def within_bounds(unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
     return np.array([v if u.role in ("cosine", "sine") else min(max(v, u.low), u.high) for u, v in zip(unknowns, values, strict=True)])
 
 

@@ -13,7 +13,9 @@ from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.explain import posterior_mean, within
 from wineglass.diagnosis.system import FOLDS, Products, products
-from wineglass.diagnosis.twin_level import FREEDOM, TwinAnalysis, full_twin
+from wineglass.diagnosis import responses, standing
+from wineglass.diagnosis.standing import Standing
+from wineglass.diagnosis.twin_level import FREEDOM, TwinAnalysis
 
 DRAWS = 400
 PIECES = 15
@@ -56,12 +58,11 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
     before = recorded - base - _folded(found, found.table, list(range(len(nuisance))), nuisance, TOLERATED)
     after, polished = before, None
     if chosen is not None:
-        left = recorded - _with_effects(found, chosen, base)
-        spread, middle = np.array([u.spread for u in chosen.unknowns]), np.array([u.middle for u in chosen.unknowns])
-        fixed = (chosen.values - middle) / spread
-        columns = np.concatenate([chosen.ground.raw, chosen.jacobian * spread[:, None, None]])
-        about = np.concatenate([chosen.ground.centre, fixed])
-        polished = _polish(found, columns, left, about)
+        there = Standing(found.bench, chosen.unknowns, chosen.values, chosen.jacobian)
+        left = recorded - _channels(found, standing.run(there))
+        slopes = np.array([slope[found.pick] for _, slope in responses.uncertainties(found.bench, there.settings, found.bench.unit)])
+        columns = np.concatenate([slopes, chosen.jacobian * there.spread[:, None, None]])
+        polished = _polish(found, columns, left, np.concatenate([found.responses.centre, there.off]))
         after = left - _folded(found, polished, list(range(len(columns))), columns)
     use = found.system.weight > TRUSTED
     changes = [_change(found, i, before[i], after[i], use[i]) for i in range(len(found.names))]
@@ -71,15 +72,6 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
 
 def _channels(found: TwinAnalysis, frames: Frames) -> np.ndarray:
     return np.array([frames[name] for name in found.names])
-
-
-def _with_effects(found: TwinAnalysis, chosen: Closed, base: np.ndarray) -> np.ndarray:
-    """(channels, n) of the full twin with the effects; the ideal thermometer as in the base."""
-    twin = _channels(found, full_twin(found.driven, found.grid, chosen.settings, chosen.ground.unit.device))
-    if "temperature_measured" in found.names:
-        place = found.names.index("temperature_measured")
-        twin[place] = base[place] + chosen.response[place]
-    return twin
 
 
 def _polish(found: TwinAnalysis, columns: np.ndarray, left: np.ndarray, about: np.ndarray) -> Products:

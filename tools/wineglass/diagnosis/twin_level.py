@@ -11,33 +11,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wineglass.device import Device
-from wineglass.diagnosis import channels, drive, explain, floors, responses, system
+from wineglass.diagnosis import channels, drive, explain, floors, responses, standing, system
+from wineglass.diagnosis.beside import beside
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.closure import Closed, Closer
 from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.floors import Floor
 from wineglass.diagnosis.responses import Bench, Responses
+from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.system import System
-from wineglass.diagnosis.unit import FARTHEST
-from wineglass.effects import Setting
 from wineglass.recording import Recording
 from wineglass.scenario import Run
-from wineglass.simulation import in_memory
 
 ENGINE = "twin_level"
-QUIET = {"electronics.adc.snr_db": 0.0, "electronics.adc.bits": 32}
-"""The twin without converter noise; the thermometer keeps its own, which breaks up the steps of its codes."""
-CLOSED_SINGLES, CLOSED_SETS = 6, 6
-PARTED = 2  # sets of each size that are also tried without each of their effects
+CLOSED_SINGLES, CLOSED_SETS = 4, 3
+PARTED = 1  # sets of each size that are also tried without each of their effects
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
 SWITCHING = 12  # frames after the loop was opened or closed
 HELD_OUT_SLACK = 2.0  # energy: of noise alone
-STRONG, SETTLED_SETS = 1e4, 4  # energy beyond which an effect changes what the uncertain values do; so many sets are then closed again
-ROUGH_ROUNDS, UNIT_GAIN, ROUGH_GAIN = 5, 10.0, 1e4  # nats: the unit is found when moving it gains no more; before the full twin was run
-DAMPING = 10.0  # of a step, in priors: what the data say little about stays where it is
-FULL_ROUNDS = 3  # of the full twin at the unit, and of the envelope's moves from each
+QUIET_ENOUGH, STARTS = 1.5, 2  # energy per frame and channel that tolerances may leave; single effects to begin with
+LOOKS, LOOK_AGAIN, BETTER = 3, 50.0, 3.0  # nats over no effect, from which on all explanations are looked at again about the full twin with the best one
 BEND = 0.03  # of the rate's span: a second difference beyond that is a step
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
@@ -45,13 +40,6 @@ FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
 
 def driven_by(recording: Recording, described: Device | None = None) -> Driven:
     return drive.from_recording(recording, described)
-
-
-def full_twin(driven: Driven, grid: Grid, effects: Sequence[Setting] = (), truth: Device | None = None) -> Frames:
-    """Frames of the full twin, firmware in the loop, over the recorded inputs, without the converters' noise. truth: None is the run's."""
-    run = driven.run
-    quiet = Run(run.scenario, run.device, (truth or run.truth).override(QUIET))
-    return channels.read(in_memory(quiet, calibration_block=driven.calibration_block, effects=effects), grid)
 
 
 @dataclass
@@ -99,30 +87,88 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}))
     pick = system.chosen(bench.names, floor)
     setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid))
-    bench, _ = _settled(bench, setting, Frames(grid, bench.names, bench.nominal, np.ones_like(bench.nominal, bool)), ROUGH_GAIN, ROUGH_ROUNDS)
+    there, base = standing.exactly(standing.roughly(Standing(bench), setting), setting)
     advance()
-    bench, base = _on_the_full_twin(bench, setting)
-    driven = replace(bench.driven, run=Run(bench.driven.run.scenario, driven.run.device, bench.unit.device))
-    bench.driven = driven
-    advance()
+    followed = set[frozenset[str]]()
+    if float(np.max(standing.energy_left(there, setting, base))) < QUIET_ENOUGH:
+        look = _look(there.bench, base, setting, without, advance)
+    else:
+        look = _from_the_nominal_unit(bench, setting, without, advance)
+    while len(followed) < LOOKS and (best := look.promising(followed)) is not None:
+        there, frames = standing.exactly(Standing(look.bench, best.unknowns, best.values, best.jacobian), setting)
+        followed.add(frozenset(best.support))
+        base = standing.without_effects(there, frames)
+        look = _look(there.bench, base, setting, without, advance, (best, there))
+    bench, found, table, none, closed, softening = look.bench, look.found, look.table, look.none, look.closed, look.softening
+    held_none = explain.held_out(table, softening, list(found.nuisances))
+    _hold_out(closed, held_none, softening)
+    bench.driven = replace(bench.driven, run=Run(bench.driven.run.scenario, driven.run.device, bench.unit.device))
+    return TwinAnalysis(bench.driven, grid, recorded, base, _picked(floor, pick), pick, bench, found, look.system, table, none, closed, softening, held_none)
+
+
+def _from_the_nominal_unit(bench: Bench, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look:
+    """Where tolerances do not explain a gap they only hide its cause: singles from the described unit, each moved with the unit on the envelope twin,
+    and of those the one that leaves least."""
+    first = _look(bench, standing.by_envelope(Standing(bench)), setting, without, advance, starting=True)
+    tried = [(entry, standing.roughly(Standing(bench, entry.unknowns, entry.values, entry.jacobian), setting)) for entry in first.closed[:STARTS]]
+    if not tried:
+        return first
+    left = [float(np.sum(standing.energy_left(there, setting, standing.by_envelope(there)))) for _, there in tried]
+    best, there = tried[int(np.argmin(left))]
+    return _look(there.bench, standing.by_envelope(Standing(there.bench)), setting, without, advance, (best, there), starting=True)
+
+
+@dataclass(frozen=True)
+class _Look:
+    """All explanations about one bench: softening (channels,); closed: the best first."""
+
+    bench: Bench
+    found: Responses
+    system: System
+    table: system.Products
+    none: Explained
+    closed: list[Closed]
+    softening: np.ndarray
+
+    def over_none(self, closed: Closed) -> float:
+        return closed.entry.log_evidence + closed.entry.log_generic - self.none.log_evidence - self.none.log_generic
+
+    def promising(self, followed: set[frozenset[str]]) -> Closed | None:
+        """What to follow on the full twin next: of all single effects the one that leaves least; then what does better than that."""
+        able = [entry for entry in self.closed if self.over_none(entry) > LOOK_AGAIN]
+        if not followed:
+            return min(able, key=lambda entry: (len(entry.support), float(np.sum(entry.entry.left))), default=None)
+        so_far = max((self.over_none(entry) for entry in self.closed if frozenset(entry.support) in followed), default=-np.inf)
+        best = able[0] if able and self.over_none(able[0]) > so_far + BETTER else None
+        return None if best is None or frozenset(best.support) in followed else best
+
+
+def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str], advance: Callable[[], None],
+          known: tuple[Closed, Standing] | None = None, starting: bool = False) -> _Look:
+    """base: the twin's frames at the bench's unit, without effects. known: an explanation, and where it stands about this bench. starting: single
+    effects only, to begin with."""
     found = responses.respond(bench, without)
     advance()
     built = setting.system(bench, base)
-    columns = built.whiten(found.values[:, pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
+    columns = built.whiten(found.values[:, setting.pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
     table = system.products(built, columns, np.pad(found.centre, (0, len(columns) - len(found.centre))))
-    ranking = _ranked(table, found)
-    advance()
-    closer = Closer(bench, built, found, pick)
-    closed = _with_parts(closer, [closer.close(entry) for entry in _worth_closing(ranking)])
-    advance()
     counts = {effect: len(variants) for effect, variants in found.variants.items()}
-    closed, softening, none = _weighed(built, closed, table, found, counts)
-    if closed and float(np.sum(none.left - closed[0].entry.left)) > STRONG:
-        closed = [closer.settle(entry) if place < SETTLED_SETS else entry for place, entry in enumerate(closed)]
-        closed, softening, none = _weighed(built, closed, table, found, counts)
-    held_none = explain.held_out(table, softening, list(found.nuisances))
-    _hold_out(closed, held_none, softening)
-    return TwinAnalysis(driven, grid, recorded, base, _picked(floor, pick), pick, bench, found, built, table, none, closed, softening, held_none)
+    closer = Closer(bench, built, found, setting.pick)
+    closed = {}
+    if known is not None:
+        best, there = known
+        assert there.jacobian is not None
+        again = closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian)
+        again.weigh(np.ones(len(built.names)), len(found.nuisances), counts)
+        closed = {again.support: again}
+        if not starting:
+            closed |= {entry.support: entry for entry in beside(closer, again, found, columns, counts)}
+    for entry in [] if starting and known else _worth_closing(_ranked(table, found)):
+        if entry.support not in closed and not (starting and len(entry.support) > 1):
+            closed[entry.support] = closer.close(entry)
+    advance()
+    weighed, softening, none = _weighed(built, _with_parts(closer, list(closed.values())), table, found, counts)
+    return _Look(bench, found, built, table, none, weighed, softening)
 
 
 @dataclass(frozen=True)
@@ -141,56 +187,6 @@ class _Setting:
         return system.build(self.recorded, base, self.floor, names, self.edges_s, self.jumps, regressors(bench.driven, bench, base), losses)
 
 
-def _settled(bench: Bench, setting: _Setting, base: Frames, enough: float, rounds: int) -> tuple[Bench, Frames]:
-    """The bench with the unit that fits the recording best within its tolerances, until moving it gains less than `enough` nats, and the base moved
-    to that unit as the envelope twin says. base: frames of some twin of the bench's unit."""
-    for _ in range(rounds):
-        built = setting.system(bench, base)
-        named = responses.uncertainties(bench)
-        names = [name for name, _ in named]
-        centre = bench.centre(names)
-        table = system.products(built, built.whiten(np.array([slope[setting.pick] for _, slope in named])), centre)
-        movable = [i for i, name in enumerate(names) if i < len(bench.unit.off) or name == responses.SHELL]
-        change, gained = _within_tolerance(table, built, movable)
-        if gained < enough:
-            break
-        shell_off = bench.shell_off + (change[names.index(responses.SHELL)] if responses.SHELL in names else 0.0)
-        moved = bench.at(bench.unit.toward(change[: len(bench.unit.off)]), shell_off)
-        values = base.values.copy()
-        for i, name in enumerate(bench.names):
-            values[base.names.index(name)] += moved.nominal[i] - bench.nominal[i]
-        bench, base = moved, Frames(base.grid, base.names, values, base.use)
-    return bench, base
-
-
-def _on_the_full_twin(bench: Bench, setting: _Setting) -> tuple[Bench, Frames]:
-    """The unit again, with the full twin run at it; once more where it then moved, as the envelope twin is a little off."""
-    for _ in range(FULL_ROUNDS):
-        base = _with_ideal_thermometer(full_twin(bench.driven, bench.grid, truth=bench.unit.device), bench)
-        moved, base = _settled(bench, setting, base, UNIT_GAIN, FULL_ROUNDS)
-        if moved is bench:
-            break
-        bench = moved
-    return bench, base
-
-
-def _within_tolerance(table: system.Products, built: System, movable: list[int]) -> tuple[np.ndarray, float]:
-    """By how much (count,) what is uncertain should move, and what moving these gains, in nats, over all others alone. Channels in which much more
-    is left than noise count less."""
-    softening = np.ones(len(built.names))
-    for _ in range(4):
-        fitted = explain.explained(table, softening, table.count, [], (), 0.0)
-        softening = np.maximum(1.0, fitted.left / np.maximum(built.n_rows, 1))
-    gram, costs = table.pooled(softening), []
-    gram[movable, movable] += DAMPING
-    everything = list(range(table.count))
-    for places in (sorted({*everything} - {*movable}), everything):
-        change = explain.within(gram, places, -table.about[places], FARTHEST)
-        part = gram[np.ix_(places, places)]
-        costs.append(0.5 * float(change @ part @ change + change @ change) - float(gram[places, -1] @ change))
-    return change, costs[0] - costs[1]
-
-
 def _hold_out(closed: list[Closed], held_none: np.ndarray, softening: np.ndarray) -> None:
     """An effect earns its place when held-out data are predicted better with it than without, where the latter was followed too."""
     energy: dict[frozenset[str], float] = {frozenset(): float(np.sum(held_none / softening))}
@@ -201,15 +197,6 @@ def _hold_out(closed: list[Closed], held_none: np.ndarray, softening: np.ndarray
         whole = frozenset(entry.support)
         parts = [whole - {effect} for effect in entry.support]
         entry.earned = entry.possible and all(energy[whole] < energy[part] + HELD_OUT_SLACK for part in parts if part in energy)
-
-
-def _with_ideal_thermometer(base: Frames, bench: Bench) -> Frames:
-    """The envelope's thermometer has no codes: the steps of the full twin's are noise."""
-    if "temperature_measured" not in base.names or "temperature_measured" not in bench.names:
-        return base
-    values = base.values.copy()
-    values[base.names.index("temperature_measured")] = bench.nominal[bench.names.index("temperature_measured")]
-    return Frames(base.grid, base.names, values, base.use)
 
 
 def _where_it_counts(recorded: Frames, rebalancing: np.ndarray) -> Frames:

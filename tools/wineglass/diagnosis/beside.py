@@ -1,0 +1,40 @@
+"""Is there one more effect beside an explanation? Tried on a linear system about it, where its own unknowns and what is uncertain move along."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wineglass.diagnosis import explain, system
+from wineglass.diagnosis.closure import Closed, Closer
+from wineglass.diagnosis.explain import Explained
+from wineglass.diagnosis.responses import Responses, Variant
+
+TRIED = 3  # single effects that are closed beside the explanation
+LEAST_GAIN = 4.0  # nats, their priors included
+
+
+def beside(closer: Closer, best: Closed, found: Responses, columns: np.ndarray, counts: dict[str, int]) -> list[Closed]:
+    """The explanation with one more effect each, the most promising first. columns (k, channels, n): the responses', whitened and scaled."""
+    built, nuisances = closer.system, len(found.nuisances)
+    spread, middle = np.array([u.spread for u in best.unknowns]), np.array([u.middle for u in best.unknowns])
+    own, effects = built.whiten(best.jacobian * spread[:, None, None]), columns[nuisances:]
+    first = nuisances + len(own)
+    about = np.concatenate([closer.ground.centre, (best.values - middle) / spread, np.zeros(len(effects))])
+    table = system.products(built, np.concatenate([closer.nuisance, own, effects]), about, built.data - built.whiten(best.response))
+    softening = np.maximum(1.0, best.entry.left / np.maximum(built.n_rows, 1))
+    alone = explain.explained(table, softening, first, [], (), 0.0)
+
+    def tried(variant: Variant) -> Explained:
+        places = [first + c - nuisances for c in variant.columns]
+        return explain.explained(table, softening, first, places, (variant,), explain.prior_of((variant,), counts))
+
+    more = [max((tried(v) for v in variants), key=lambda entry: entry.log_evidence)
+            for effect, variants in found.variants.items() if effect not in best.support]
+    able = sorted((e for e in more if e.log_evidence > alone.log_evidence + LEAST_GAIN), key=lambda e: -e.log_evidence)
+    return [closer.beside(best, _alone(entry, first, nuisances)) for entry in able[:TRIED]]
+
+
+def _alone(entry: Explained, first: int, nuisances: int) -> Explained:
+    """The entry as one of a system without the explanation's own unknowns."""
+    coefficients = np.concatenate([entry.coefficients[:nuisances], entry.coefficients[first:]])
+    return Explained(entry.support, entry.variants, entry.log_evidence, entry.log_generic, entry.left, coefficients)

@@ -1,0 +1,178 @@
+"""Where the twins stand: a unit within its tolerances, with an explanation's effects or without, moved until the full twin leaves no more than it must.
+
+The envelope twin gives the slopes, the full twin what is left: Gauss-Newton, in which an error of the slopes costs another round and no truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+
+from wineglass.device import Device
+from wineglass.diagnosis import channels, explain, responses, system
+from wineglass.diagnosis.channels import Frames, Grid
+from wineglass.diagnosis.closure import Unknown, differences, settings_of, within_bounds
+from wineglass.diagnosis.drive import Driven
+from wineglass.diagnosis.responses import Bench
+from wineglass.diagnosis.system import System
+from wineglass.diagnosis.unit import FARTHEST
+from wineglass.effects import Setting
+from wineglass.scenario import Run
+from wineglass.simulation import in_memory
+
+QUIET = {"electronics.adc.snr_db": 0.0, "electronics.adc.bits": 32}
+"""The twin without converter noise; the thermometer keeps its own, which breaks up the steps of its codes."""
+ROUGH_ROUNDS, ROUGH_GAIN = 5, 1e4  # of the envelope alone, and the nats that a round must gain
+FULL_ROUNDS, GAIN = 3, 10.0  # of the full twin, and of the envelope's moves from each
+LEAST_GAIN = 0.02  # of the energy left: less is not worth a round
+DAMPING = 10.0  # of a step, in priors: what the data say little about stays where it is
+
+
+class Judged(Protocol):
+    """What makes a system out of the frames of a twin; pick: its channels among the bench's."""
+
+    pick: list[int]
+
+    def system(self, bench: Bench, base: Frames) -> System: ...
+
+
+@dataclass(frozen=True)
+class Standing:
+    """unknowns, values (k,), jacobian (k, channels of the system, n): of an explanation; none of them without effects."""
+
+    bench: Bench
+    unknowns: list[Unknown] = field(default_factory=list)
+    values: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    jacobian: np.ndarray | None = None
+
+    @property
+    def settings(self) -> list[Setting]:
+        return settings_of(self.unknowns, self.values)
+
+    @property
+    def spread(self) -> np.ndarray:
+        return np.array([u.spread for u in self.unknowns])
+
+    @property
+    def off(self) -> np.ndarray:
+        """(k,): of the values, in spreads from their priors' middles."""
+        return (self.values - np.array([u.middle for u in self.unknowns])) / self.spread if self.unknowns else np.zeros(0)
+
+    def envelope(self) -> np.ndarray:
+        """(channels of the bench, n)."""
+        return self.bench.run(self.settings) if self.unknowns else self.bench.nominal
+
+
+def full_twin(driven: Driven, grid: Grid, effects: Sequence[Setting] = (), truth: Device | None = None) -> Frames:
+    """Frames of the full twin, firmware in the loop, over the recorded inputs, without the converters' noise. truth: None is the run's."""
+    run = driven.run
+    quiet = Run(run.scenario, run.device, (truth or run.truth).override(QUIET))
+    return channels.read(in_memory(quiet, calibration_block=driven.calibration_block, effects=effects), grid)
+
+
+def by_envelope(standing: Standing) -> Frames:
+    bench = standing.bench
+    return Frames(bench.grid, bench.names, standing.envelope(), np.ones_like(bench.nominal, bool))
+
+
+def roughly(standing: Standing, setting: Judged) -> Standing:
+    """By the envelope twin alone."""
+    return _moved(standing, setting, by_envelope(standing), ROUGH_GAIN, ROUGH_ROUNDS)[0]
+
+
+def energy_left(standing: Standing, setting: Judged, frames: Frames) -> np.ndarray:
+    """(channels,): per frame, in floors, once the last linear step is taken, too."""
+    built = setting.system(standing.bench, frames)
+    table, _ = _linear(standing, setting, built)
+    fitted = explain.explained(table, np.ones(len(built.names)), table.count, [], (), 0.0)
+    return fitted.left / np.maximum(built.n_rows, 1)
+
+
+def exactly(standing: Standing, setting: Judged) -> tuple[Standing, Frames]:
+    """By the full twin; its frames there, as far as the last small step is the envelope's."""
+    for _ in range(FULL_ROUNDS):
+        frames = run(standing)
+        moved, frames = _moved(standing, setting, frames, GAIN, FULL_ROUNDS)
+        if moved is standing:
+            break
+        standing = moved
+    return standing, frames
+
+
+def run(standing: Standing) -> Frames:
+    """The full twin there. The envelope's thermometer has no codes: their steps are noise, and stay out."""
+    bench = standing.bench
+    frames = full_twin(bench.driven, bench.grid, standing.settings, bench.unit.device)
+    if "temperature_measured" in frames.names and "temperature_measured" in bench.names:
+        frames.values[frames.names.index("temperature_measured")] = standing.envelope()[bench.names.index("temperature_measured")]
+    return frames
+
+
+def without_effects(standing: Standing, frames: Frames) -> Frames:
+    """What the full twin would show there without the effects, as far as the envelope twin is to be believed that near."""
+    return _shifted(frames, standing.bench, standing.bench.nominal - standing.envelope())
+
+
+def _shifted(frames: Frames, bench: Bench, by: np.ndarray) -> Frames:
+    values = frames.values.copy()
+    for name, row in zip(bench.names, by, strict=True):
+        values[frames.names.index(name)] += row
+    return Frames(frames.grid, frames.names, values, frames.use)
+
+
+def _moved(standing: Standing, setting: Judged, frames: Frames, enough: float, rounds: int) -> tuple[Standing, Frames]:
+    """Until moving gains less than `enough` nats; the frames are moved along as the envelope twin says."""
+    for _ in range(rounds):
+        bench = standing.bench
+        built = setting.system(bench, frames)
+        table, names = _linear(standing, setting, built)
+        fixed = [i for i, name in enumerate(names) if i >= len(bench.unit.off) and name != responses.SHELL]
+        change, gained, left = _step(table, built, fixed)
+        if gained < max(enough, LEAST_GAIN * left):
+            break
+        moved = _along(standing, setting.pick, names, change)
+        frames = _shifted(frames, bench, moved.envelope() - standing.envelope())
+        standing = moved
+    return standing, frames
+
+
+def _linear(standing: Standing, setting: Judged, built: System) -> tuple[system.Products, list[str]]:
+    """What is uncertain, named, and behind it the explanation's unknowns."""
+    named = responses.uncertainties(standing.bench, standing.settings, standing.bench.unit if standing.unknowns else None)
+    names = [name for name, _ in named]
+    columns, about = np.array([slope[setting.pick] for _, slope in named]), standing.bench.centre(names)
+    if standing.jacobian is not None:
+        columns, about = np.concatenate([columns, standing.jacobian * standing.spread[:, None, None]]), np.concatenate([about, standing.off])
+    return system.products(built, built.whiten(columns), about), names
+
+
+def _along(standing: Standing, pick: list[int], names: list[str], change: np.ndarray) -> Standing:
+    bench = standing.bench
+    shell_off = bench.shell_off + (change[names.index(responses.SHELL)] if responses.SHELL in names else 0.0)
+    moved = replace(standing, bench=bench.at(bench.unit.toward(change[: len(bench.unit.off)]), shell_off))
+    if standing.jacobian is None:
+        return moved
+    values = within_bounds(standing.unknowns, standing.values + change[len(names) :] * standing.spread)
+    here = (moved.bench.run(settings_of(standing.unknowns, values)) - moved.bench.nominal)[pick]
+    return replace(moved, values=values, jacobian=differences(moved.bench, pick, standing.unknowns, values, here))
+
+
+def _step(table: system.Products, built: System, fixed: list[int]) -> tuple[np.ndarray, float, float]:
+    """By how much (count,) what is uncertain should move, what moving what is not `fixed` gains, and what is left, in nats. Channels in which much
+    more is left than noise count less."""
+    softening = np.ones(len(built.names))
+    for _ in range(4):
+        fitted = explain.explained(table, softening, table.count, [], (), 0.0)
+        softening = np.maximum(1.0, fitted.left / np.maximum(built.n_rows, 1))
+    gram, everything = table.pooled(softening), list(range(table.count))
+    movable = sorted({*everything} - {*fixed})
+    gram[movable, movable] += DAMPING
+    costs = []
+    for places in (fixed, everything):
+        change = explain.within(gram, places, -table.about[places], FARTHEST)
+        part = gram[np.ix_(places, places)]
+        costs.append(0.5 * float(change @ part @ change + change @ change) - float(gram[places, -1] @ change))
+    return change, costs[0] - costs[1], 0.5 * float(gram[-1, -1]) + costs[1]
