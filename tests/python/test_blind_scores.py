@@ -65,7 +65,7 @@ def test_a_set_counted_by_hand(tmp_path):
     cases = [
         (sets.sheet("case_0001", "null"), healthy, 0.0), (sets.sheet("case_0002", "null_noisy"), gone, 0.0),
         (sets.sheet("case_0003", "single", ("ageing", "linear")), good, 50.0), (sets.sheet("case_0004", "single", ("clock_error", "constant")), wrong, 20.0),
-        (sets.sheet("case_0005", "single", ("ageing", "linear"), factor=0.1), healthy, 1.0),
+        (sets.sheet("case_0005", "single", ("ageing", "linear"), factor=0.1), healthy, 6.0),
         (sets.sheet("case_0006", "pair", ("ageing", "linear"), ("clock_error", "constant")), good, 90.0),
         (sets.sheet("case_0007", "outside", ("channel_memory", "both_ways")), gone, 30.0), (sets.sheet("case_0008", "single", ("ageing", "linear")), None, 40.0),
     ]
@@ -78,7 +78,7 @@ def test_a_set_counted_by_hand(tmp_path):
     assert counts == {"false_gap": (1, 2), "truth_in_set": (1, 4), "unique_and_wrong": (2, 5), "unique_and_right": (1, 4), "missed": (1, 5),
                       "pairs_exact": (0, 1), "unknown_flagged": (1, 1), "unknown_flagged_falsely": (0, 4), "place": (2, 5), "interval_coverage": (0, 0),
                       "failed": (1, 7)}
-    assert (every["missed"]["k"], every["missed"]["n"]) == (2, 6)
+    assert (every["missed"]["k"], every["missed"]["n"]) == (2, 6) and found["undetectable"]["cases"] == 0
     assert clear["removed_median"] == 0.99 and clear["residual_median"] == pytest.approx(1.05)
     sure, not_listed = 0.5 * (0.04**2 + 2 * 0.02**2), 0.5 * (1 + 0.96**2 + 2 * 0.02**2)
     null_wrong, unknown_right = 0.8**2, 0.2**2
@@ -86,7 +86,7 @@ def test_a_set_counted_by_hand(tmp_path):
     # right by confidence: 0.0 wrong (failed); 0.8 of which one right; 0.9 right; 0.96 of which one in three right; bins of a tenth
     assert clear["ece"] == pytest.approx((2 * abs(0.8 - 0.5) + 4 * abs((0.9 + 3 * 0.96) / 4 - 0.5)) / 7)
     assert found["confusion"] == {"ageing": {"ageing": 1, "error": 1}, "clock_error": {"ageing": 1}}
-    assert found["by_snr"]["0 to 3"]["cases"] == 1 and found["by_snr"]["10 to 50"]["cases"] == 3
+    assert found["by_snr"]["5 to 10"]["cases"] == 1 and found["by_snr"]["10 to 50"]["cases"] == 3
     assert [one["case"] for one in found["worst"]][:2] == ["case_0006", "case_0004"]
 
 
@@ -102,7 +102,7 @@ def test_the_scoreboard_needs_nothing_else(tmp_path):
 
 def test_snr_bins_stand_in_order():
     found = scores.score([marked(single(), sets.diagnosis("no_gap", (1.0, "none"), (0.0, "other")), snr) for snr in (2000.0, 20.0, 1.0, 5.0, 60.0, 300.0)])
-    assert list(found["by_snr"]) == ["0 to 3", "3 to 10", "10 to 50", "50 to 200", "200 to 1000", "from 1000"]
+    assert list(found["by_snr"]) == ["5 to 10", "10 to 50", "50 to 200", "200 to 1000", "from 1000"] and found["undetectable"]["cases"] == 1
 
 
 def test_baselines_get_the_same_share_of_false_gaps():

@@ -119,32 +119,38 @@ def test_running_needs_no_labels_and_tells_workers_no_path(folders, tmp_path):
 # --- making and interruption -----------------------------------------------------------------------------------------
 
 
-def fake(label):
+@pytest.fixture
+def no_allowances(monkeypatch):
+    monkeypatch.setattr(making.allowances, "prepare", lambda *arguments: None)
+
+
+def fake(label, kept):
+    assert kept
     return b"recording of " + label["name"].encode(), sets.label(Sheet.model_validate(label))
 
 
-def test_making_goes_on_after_an_interruption(tmp_path, monkeypatch):
+def test_making_goes_on_after_an_interruption(tmp_path, monkeypatch, no_allowances):
     wishes, folders, count = Wishes(6, 3), Folders(tmp_path), []
 
-    def interrupted(label):
+    def interrupted(label, kept):
         if len(count) == 3:
             raise KeyboardInterrupt
         count.append(label["name"])
-        return fake(label)
+        return fake(label, kept)
 
     monkeypatch.setattr(making, "made", interrupted)
     with pytest.raises(KeyboardInterrupt):
         making.make(wishes, folders, Spread(0))
     assert not (folders.recordings / sealing.MANIFEST).exists()
     kept = folders.recording(count[0]).stat().st_mtime_ns
-    monkeypatch.setattr(making, "made", lambda label: (count.append(label["name"]), fake(label))[1])
+    monkeypatch.setattr(making, "made", lambda label, kept: (count.append(label["name"]), fake(label, kept))[1])
     seal = making.make(wishes, folders, Spread(0))
     assert len(count) == len(set(count)) == 6 and folders.recording(count[0]).stat().st_mtime_ns == kept
     assert seal == sealing.file_digest(folders.recordings / sealing.MANIFEST) == making.make(wishes, folders, Spread(0))
     assert len(sealing.opened(folders.recordings, folders.sealed)) == 6
 
 
-def test_a_folder_holds_one_set(tmp_path, monkeypatch):
+def test_a_folder_holds_one_set(tmp_path, monkeypatch, no_allowances):
     monkeypatch.setattr(making, "made", fake)
     making.make(Wishes(2, 3), Folders(tmp_path), Spread(0))
     with pytest.raises(BadInput, match="another set"):

@@ -2,6 +2,7 @@
 
     DIR/recordings/case_0001.h5 ... manifest.json     what whoever diagnoses gets
     DIR/sealed/plan.json, case_0001.json ..., labels.json   what nobody opens before scoring; may be carried elsewhere
+    DIR/sealed/allowances/KIND/     what tolerances may do to recordings of a kind; only for making
     DIR/results/ENGINE/case_0001.json ...             answers
 """
 
@@ -18,6 +19,8 @@ class Folders:
     root: Path
     labels: Path | None = None
     """of the sealed part, where it is not in `root`"""
+    kept: Path | None = None
+    """allowances of other sets, to be shared"""
 
     @property
     def recordings(self) -> Path:
@@ -26,6 +29,10 @@ class Folders:
     @property
     def sealed(self) -> Path:
         return self.root / "sealed" if self.labels is None else self.labels
+
+    @property
+    def allowances(self) -> Path:
+        return self.sealed / "allowances" if self.kept is None else self.kept
 
     def results(self, engine: str) -> Path:
         return self.root / "results" / engine

@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from wineglass.atomic import write_bytes, write_text
-from wineglass.blind import generator, scheduling, sealing
+from wineglass.blind import allowances, generator, scheduling, sealing, setting
 from wineglass.blind.draw import Wishes, draw
+from wineglass.blind.choices import DETECTABLE
 from wineglass.blind.folders import Folders
+from wineglass.blind.generator import allowance
 from wineglass.blind.scheduling import Spread
 from wineglass.blind.sheet import Sheet
 from wineglass.errors import BadInput
@@ -21,18 +23,31 @@ from wineglass.errors import BadInput
 PLAN = "plan.json"
 
 
+def steps(wishes: Wishes, folders: Folders) -> int:
+    """How much `make` will have advanced by at its end."""
+    sheets = draw(wishes)
+    missing = {} if is_sealed(folders) else allowances.kinds(sheets, folders.allowances)
+    return len(sheets) + sum(len(allowances.runs_of(sheet)) for sheet in missing.values())
+
+
+def is_sealed(folders: Folders) -> bool:
+    return (folders.recordings / sealing.MANIFEST).is_file()
+
+
 def make(wishes: Wishes, folders: Folders, spread: Spread, advance: Callable[[int], None] = lambda count: None) -> str:
-    """Returns the seal. advance(cases done since the last call)."""
+    """Returns the seal. advance(steps done since the last call)."""
     sheets = draw(wishes)
     for folder in (folders.recordings, folders.sealed):
         folder.mkdir(parents=True, exist_ok=True)
     _keep_plan(wishes, folders)
-    if (folders.recordings / sealing.MANIFEST).is_file():
+    if is_sealed(folders):
         advance(len(sheets))
         return sealing.file_digest(folders.recordings / sealing.MANIFEST)
     left = [sheet for sheet in sheets if not _is_done(sheet, folders)]
     advance(len(sheets) - len(left))
-    tasks = [(sheet.name, lambda sheet=sheet: (sheet.label(),)) for sheet in left]
+    allowances.prepare(allowances.kinds(sheets, folders.allowances), folders.allowances, spread, advance)
+    kept = str(folders.allowances.resolve())
+    tasks = [(sheet.name, lambda sheet=sheet: (sheet.label(), kept)) for sheet in sorted(left, key=_longest_first)]
     for name, (recording, label) in scheduling.results(made, tasks, spread):
         write_bytes(folders.recording(name), recording)
         write_text(folders.sealed / f"{name}.json", json.dumps({"salt": secrets.token_hex(16), "label": label}) + "\n")
@@ -41,15 +56,27 @@ def make(wishes: Wishes, folders: Folders, spread: Spread, advance: Callable[[in
     return sealing.seal(folders.recordings, folders.sealed, envelopes)
 
 
-def made(label: dict[str, Any]) -> tuple[bytes, dict[str, Any]]:
-    """One case, in whatever process: the recording's bytes, and the label with what the oracle says of it."""
+def _longest_first(sheet: Sheet) -> tuple[int, bool]:
+    """So that no process is left with a long case at the end."""
+    return -len(sheet.effects), sheet.protocol != "full"
+
+
+def made(label: dict[str, Any], kept: str) -> tuple[bytes, dict[str, Any]]:
+    """One case, in whatever process: the recording's bytes, and the label with what the oracle says of it. kept: folder of the allowances."""
     sheet = Sheet.model_validate(label)
     case, block = sheet.case(), sheet.block()
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / "case.h5"
         done = generator.make(case, path, block)
-        grade = generator.oracle(case, block, folder=scratch, recording=path).label() if sheet.effects else {"snr": 0.0, "channel": "", "channels": {}}
+        grade = graded(sheet, case, kept, Path(scratch)) if sheet.effects else {"snr": 0.0, "channel": "", "channels": {}, "effects": []}
         return path.read_bytes(), {"sheet": label, "grade": grade, "clipped_codes": done.clipped_codes, "unit": done.truth}
+
+
+def graded(sheet: Sheet, case: generator.Case, kept: str, scratch: Path) -> dict[str, Any]:
+    """What is seen of all effects together beyond tolerances, and of each beside those before it."""
+    allowed = allowances.of_kind(kept, sheet.kind, sheet.healthy().model_dump_json())
+    total, each = allowance.graded(case, setting.calibration_block, allowed, scratch)
+    return {**total.label(), "effects": [{"snr": one.snr, "channel": one.channel, "detectable": one.snr >= DETECTABLE} for one in each]}
 
 
 def _is_done(sheet: Sheet, folders: Folders) -> bool:

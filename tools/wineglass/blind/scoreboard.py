@@ -5,16 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from wineglass.blind import pictures
+from wineglass.blind import bars, pictures
 
-# What a score has to reach; (name, bar as text, does the value reach it). Shares by value, others by number.
-BARS = {
-    "false_gap": ("at most 1 %", lambda value: value <= 0.01), "truth_in_set": ("at least 99 %", lambda value: value >= 0.99),
-    "unique_and_wrong": ("at most 1 %", lambda value: value <= 0.01), "pairs_exact": ("at least 95 %", lambda value: value >= 0.95),
-    "unknown_flagged": ("at least 97 %", lambda value: value >= 0.97), "place": ("at least 98 %", lambda value: value >= 0.98),
-    "removed_median": ("at least 0.98", lambda value: value >= 0.98), "residual_median": ("at most 1.1", lambda value: value <= 1.1),
-    "brier": ("at most 0.05", lambda value: value <= 0.05), "ece": ("at most 0.03", lambda value: value <= 0.03),
-}
 IN_TABLES = ("false_gap", "truth_in_set", "unique_and_wrong", "missed", "unknown_flagged", "place", "failed", "brier")
 
 
@@ -26,20 +18,21 @@ def render(scores: dict[str, Any], main: str) -> str:
     environment.filters["spoken"] = lambda name: name.replace("_", " ")
     environment.filters["value"] = _value
     environment.filters["interval"] = _interval
+    environment.filters["limit"] = limit
     environment.filters["short"] = lambda value: f"{value:.3g}"
     engines = scores["engines"]
     chosen = engines[main]
     drawn = {"reliability": pictures.reliability(engines), "risk": pictures.risk(engines), "by_snr": pictures.by_snr(engines),
              "detection": pictures.detection(chosen), "confusion": pictures.confusion(chosen)}
-    bars = {name: (text, _reached(chosen["clear"][name], reaches)) for name, (text, reaches) in BARS.items()}
-    return environment.get_template("scoreboard.html.j2").render(scores=scores, main=main, engines=engines, chosen=chosen, pictures=drawn, bars=bars,
+    lines = [*chosen["bars"], *bars.beside(engines, main)]
+    return environment.get_template("scoreboard.html.j2").render(scores=scores, main=main, engines=engines, chosen=chosen, pictures=drawn, bars=lines,
                                                                  in_tables=IN_TABLES)
 
 
-def _reached(score: Any, reaches: Any) -> bool | None:
-    """None: there was nothing to measure."""
-    value = score["value"] if isinstance(score, dict) else score
-    return None if value is None else bool(reaches(value))
+def limit(line: dict[str, Any]) -> str:
+    """A bar in words."""
+    is_share = isinstance(line["measured"], dict)
+    return f"at {'least' if line['at_least'] else 'most'} {100 * line['limit']:.3g} %" if is_share else f"at {'least' if line['at_least'] else 'most'} {line['limit']:.3g}"
 
 
 def _value(score: Any) -> str:

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from statistics import fmean, median
 from typing import Any
 
-from wineglass.blind import limits
+from wineglass.blind import bars, limits
+from wineglass.blind.figures import figures
+from wineglass.blind.choices import CLEAR, DETECTABLE
 from wineglass.blind.marks import Mark
-from wineglass.blind.statistics import calibration_error, reliability, risk_over_coverage, share
+from wineglass.blind.statistics import reliability, risk_over_coverage, share
 
-CLEAR = 10.0  # SNR from which on an effect is to be found
-SNR_EDGES = (0.0, 3.0, 10.0, 50.0, 200.0, 1000.0, float("inf"))
+SNR_EDGES = (DETECTABLE, CLEAR, 50.0, 200.0, 1000.0, float("inf"))
 
 
 def score(marks: list[Mark]) -> dict[str, Any]:
-    clear = [one for one in marks if one.null or one.snr >= CLEAR]
+    knowable = [one for one in marks if one.null or one.detectable]
+    clear = [one for one in knowable if one.null or one.snr >= CLEAR]
     return {
-        "cases": len(marks), "failed": {one.case: one.error for one in marks if one.error}, "cpu_s": sum(one.cpu_s for one in marks),
-        "clear": figures(clear), "all": figures(marks),
-        "by_tier": _by(marks, lambda one: one.sheet.tier), "by_protocol": _by(clear, lambda one: one.sheet.protocol),
-        "by_loop": _by(clear, lambda one: one.sheet.loop), "by_snr": dict(sorted(_by((one for one in marks if not one.null), snr_bin).items(), key=lambda item: bin_start(item[0]))),
+        "cases": len(marks), "undetectable": _hidden([one for one in marks if not one.null and not one.detectable]), "bars": bars.reached(knowable), "failed": {one.case: one.error for one in marks if one.error}, "cpu_s": sum(one.cpu_s for one in marks),
+        "clear": figures(clear), "all": figures(knowable),
+        "by_tier": _by(knowable, lambda one: one.sheet.tier), "by_protocol": _by(clear, lambda one: one.sheet.protocol),
+        "by_loop": _by(clear, lambda one: one.sheet.loop), "by_snr": dict(sorted(_by((one for one in knowable if not one.null), snr_bin).items(), key=lambda item: bin_start(item[0]))),
         "reliability": [{"confidence": one.confidence, "right": one.right.plain()} for one in
                         reliability([one.confidence for one in clear], [one.right for one in clear])],
         "risk_over_coverage": _risk(clear), "confusion": confusion(clear), "detection": limits.curves(marks),
@@ -28,30 +29,9 @@ def score(marks: list[Mark]) -> dict[str, Any]:
     }
 
 
-def figures(marks: list[Mark]) -> dict[str, Any]:
-    """The scores of some cases. Shares: {k, n, value, interval}; others numbers or null."""
-    nulls, gaps = [one for one in marks if one.null], [one for one in marks if not one.null]
-    known = [one for one in gaps if one.in_catalogue]
-    pairs, outside = [one for one in gaps if one.sheet.tier == "pair"], [one for one in gaps if not one.in_catalogue]
-    removed = [one.removed for one in known if one.removed is not None and one.verdict in ("attributed", "ambiguous")]
-    residual = [one.residual for one in known if one.residual is not None and one.verdict in ("attributed", "ambiguous")]
-    shares = {
-        "false_gap": share([one.gap for one in nulls]),
-        "truth_in_set": share([one.in_set for one in known]),
-        "unique_and_wrong": share([one.unique_wrong for one in gaps]),
-        "unique_and_right": share([one.in_set and len(one.claims) == 1 for one in known]),
-        "missed": share([not one.gap for one in gaps]),
-        "pairs_exact": share([one.claims == (one.truth,) for one in pairs]),
-        "unknown_flagged": share([one.flagged for one in outside]),
-        "unknown_flagged_falsely": share([one.flagged for one in known]),
-        "place": share([one.place_right for one in gaps]),
-        "interval_coverage": share([inside for one in gaps for _, inside in one.covered]),
-        "failed": share([bool(one.error) for one in marks]),
-    }
-    return {**{name: value.plain() for name, value in shares.items()},
-            "removed_median": median(removed) if removed else None, "residual_median": median(residual) if residual else None,
-            "brier": fmean(one.brier for one in marks) if marks else None,
-            "ece": calibration_error([one.confidence for one in marks], [one.right for one in marks])}
+def _hidden(marks: list[Mark]) -> dict[str, Any]:
+    """Of cases whose effects a healthy unit could have as well; nothing to be found, yet nothing wrong to be said of them either."""
+    return {"cases": len(marks), "claimed": share([one.gap for one in marks]).plain(), "unique_and_wrong": share([one.unique_wrong for one in marks]).plain()}
 
 
 def snr_bin(one: Mark) -> str:

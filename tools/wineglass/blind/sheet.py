@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -48,6 +49,15 @@ class Sheet(BaseModel):
     def group(self) -> str:
         """Recordings of one kind, which may be compared number by number."""
         return f"{self.device} {self.protocol} {self.loop}"
+
+    @property
+    def kind(self) -> str:
+        """Of the day without what is wrong, as a name of a folder."""
+        return f"{Path(self.device).stem}_{self.protocol}_{self.loop}{'_at_rest' if self.at_rest else ''}"
+
+    def healthy(self) -> Sheet:
+        """The same for all of a kind."""
+        return self.model_copy(update={"name": self.kind, "tier": "null", "seed": 1, "effects": (), "factor": 0.0, "twins": (), "another_unit": False})
 
     def case(self) -> Case:
         """For the generator."""

@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     baselines = _action(actions, "baselines", "simpler methods answer, too, taught by a set with open labels", _baselines)
     baselines.add_argument("--train", type=Path, required=True, metavar="DIR", help="a set of another seed, its labels in DIR/sealed")
     score = _action(actions, "score", "check the seal, open the labels, score the answers", _score)
+    make.add_argument("--allowances", type=Path, metavar="DIR", help="keep here, for other sets too, what tolerances do to each kind of recording (default with the labels)")
     for one in (make, run, baselines):
         one.add_argument("--jobs", type=int, default=2, metavar="N", help="processes of this machine, 0: none but this (default 2)")
         one.add_argument("--scheduler", default="", metavar="ADDRESS", help="of a running Dask scheduler, tcp://HOST:PORT, in place of this machine")
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace, console: Console) -> int:
 def _folders(args: argparse.Namespace) -> Folders:
     from wineglass.blind.folders import Folders
 
-    return Folders(args.folder, getattr(args, "labels", None))
+    return Folders(args.folder, getattr(args, "labels", None), getattr(args, "allowances", None))
 
 
 def _spread(args: argparse.Namespace) -> Spread:
@@ -66,14 +67,14 @@ def _spread(args: argparse.Namespace) -> Spread:
 
 def _make(args: argparse.Namespace, console: Console) -> int:
     from wineglass.blind.draw import Wishes
-    from wineglass.blind.making import make
+    from wineglass.blind.making import make, steps
     from wineglass.errors import BadInput
 
     if args.cases < 1:
         raise BadInput(f"{args.cases} cases", "--cases", "give 1 or more")
     chosen = {name: tuple(value) for name, value in (("tiers", args.tier), ("protocols", args.protocol)) if value}
     wishes = Wishes(args.cases, args.seed, args.device, **chosen)
-    with console.progress("making", total=args.cases) as bar:
+    with console.progress("making", total=steps(wishes, _folders(args))) as bar:
         seal = make(wishes, _folders(args), _spread(args), bar.advance)
     console.print(f"{args.cases} recordings in {args.folder / 'recordings'}, their labels in {_folders(args).sealed}")
     console.print(f"seal: {seal}")
@@ -142,6 +143,7 @@ def _score(args: argparse.Namespace, console: Console) -> int:
     write_text(target.with_suffix(".html"), page)
     for engine, scores in found["engines"].items():
         _print(engine, scores, console)
+    _print_bars(found, scoring.main_of(found), console)
     console.print(f"written: {target}, {target.with_suffix('.html')}")
     console.json(found)
     return 0
@@ -151,6 +153,15 @@ def _print(engine: str, scores: dict[str, Any], console: Console) -> None:
     clear, total = scores["clear"], scores["all"]
     rows = [[name.replace("_", " "), _text(clear[name]), _text(total[name])] for name in clear]
     console.table(f"{engine}: {scores['cases']} cases", ["score", "nulls and SNR from 10", "all"], rows)
+
+
+def _print_bars(found: dict[str, Any], main: str, console: Console) -> None:
+    from wineglass.blind import bars
+    from wineglass.blind.scoreboard import limit
+
+    lines = [*found["engines"][main]["bars"], *bars.beside(found["engines"], main)]
+    says = {True: "reached", False: "missed", None: "no case"}
+    console.table(f"{main}: what it must reach", ["score", "measured", "bar", ""], [[line["name"], _text(line["measured"]), limit(line), says[line["reached"]]] for line in lines])
 
 
 def _text(value: Any) -> str:

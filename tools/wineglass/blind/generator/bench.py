@@ -110,7 +110,7 @@ def _write_reference(world: World, writer: RecordingWriter) -> None:
     slow_hz = world.described.slow_rate_hz
     writer.add_tap("reference", TapFormat(slow_hz / divisor, {name: float_format() for name in REFERENCE_CHANNELS}))
     rate = np.interp(world.time_s - bench.delay_s, world.time_s, world.table_rate_rad_s) * bench.rate_gain + bench.rate_offset_rad_s
-    noise, columns = world.random("bench"), {}
+    noise, columns = world.noise("bench"), {}
     for name, values, size in zip(REFERENCE_CHANNELS, (rate, world.chamber_degc, world.base_degc),
                                   (bench.rate_noise_rad_s, *(bench.temperature_noise_degc,) * 2), strict=True):
         means = _means(values, divisor)
@@ -129,7 +129,7 @@ class _Line:
     """The wire to the recorder; loses a share of the frames of means, whole."""
 
     def __init__(self, world: World, lost_fraction: float):
-        self._random, self._lost = world.random("line"), lost_fraction
+        self._random, self._lost = world.noise("line"), lost_fraction
         self._rest = b""
 
     def carry(self, data: bytes) -> bytes:

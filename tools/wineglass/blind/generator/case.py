@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -37,10 +38,20 @@ class Case:
     lost_fraction: float = 0.0
     seed: int | None = None
     """of everything drawn; None: the scenario's"""
+    noise_seed: int | None = None
+    """of noise and described floors alone; None: `seed`"""
+    fields: Mapping[str, Any] = field(default_factory=dict)
+    """of the unit, by dotted name, in place of what would be drawn"""
+    paced: bool = False
+    """the bench goes by the device's clock, so that nothing but the device itself tells of that clock"""
 
     @property
     def draw(self) -> int:
         return self.scenario.seed if self.seed is None else self.seed
+
+    @property
+    def noise_draw(self) -> int:
+        return self.draw if self.noise_seed is None else self.noise_seed
 
     def without_effects(self) -> Case:
         return replace(self, effects=())

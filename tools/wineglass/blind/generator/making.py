@@ -37,14 +37,13 @@ def describe(case: Case) -> Device:
 
 def drawn_fields(case: Case, described: Device) -> dict[str, object]:
     """What differs from the description although nothing is wrong."""
-    if not case.another_unit:
-        return {}
-    return unit.drawn(described, World.random_for(case.draw, "unit"))
+    drawn = unit.drawn(described, World.random_for(case.draw, "unit")) if case.another_unit else {}
+    return {**drawn, **case.fields}
 
 
 def world_of(case: Case, described: Device, fields: dict[str, object]) -> World:
     """The day with all effects of the case in it."""
-    world = World(described, unit.another(described, fields), case.scenario, case.draw, case.noise_factor)
+    world = World(described, unit.another(described, fields), case.scenario, case.draw, case.noise_factor, case.noise_draw, case.paced)
     apply(world, case.effects)
     return world
 

@@ -13,6 +13,7 @@ from wineglass.device import Device
 from wineglass.recording import Recording
 
 TAPS = ("baseband", "output", "reference")
+SEEN_THROUGH = {"true_rate": "rate", "chamber_temperature": "temperature_measured", "shell_temperature": "temperature_measured"}
 SKIP = ("status", "angle", "amplitude_set_point")
 SETTLED_S = 4.0
 MEAN_S = 1.0  # below 1/this the described noise floors count, too
@@ -35,13 +36,15 @@ class ChannelGrade:
 
 @dataclass(frozen=True)
 class Grade:
-    """channels: by name; snr: the largest of all"""
+    """channels: by name; healthy: how unlikely a healthy unit would have to be that explains the rest, in standard deviations; snr: the largest of the
+    channels and that"""
 
     channels: dict[str, ChannelGrade]
+    healthy: float = 0.0
 
     @property
     def snr(self) -> float:
-        return max((grade.snr for grade in self.channels.values()), default=0.0)
+        return float(np.hypot(max((grade.snr for grade in self.channels.values()), default=0.0), self.healthy))
 
     @property
     def channel(self) -> str:
@@ -49,46 +52,53 @@ class Grade:
         return max(self.channels, key=lambda name: self.channels[name].snr, default="")
 
     def label(self) -> dict[str, Any]:
-        return {"snr": self.snr, "channel": self.channel,
+        return {"snr": self.snr, "channel": self.channel, "healthy": self.healthy,
                 "channels": {name: {"shift": one.shift, "ratio": one.ratio, "noise": one.noise} for name, one in self.channels.items()}}
 
 
+@dataclass(frozen=True)
+class Measured:
+    """What is looked at of a recording, once the drive has settled. values: (n,) by channel, lost samples NaN; per_mean: samples that make a mean;
+    floor: described slow noise, rms of a mean"""
+
+    values: dict[str, np.ndarray]
+    per_mean: dict[str, int]
+    floor: dict[str, float]
+
+    def white(self, name: str) -> float:
+        """Power of the white noise against which a channel is held. Errors of the reference are seen through the device's own channel."""
+        own = white_power(self._sound(name))
+        through = SEEN_THROUGH.get(name, "")
+        other = white_power(self._sound(through)) if through in self.values else 0.0
+        return max(own, other, 1e-24 * float(np.max(self._sound(name) ** 2, initial=0.0)), 1e-300)
+
+    def _sound(self, name: str) -> np.ndarray:
+        return self.values[name][np.isfinite(self.values[name])]
+
+
+def measured(path: Path) -> Measured:
+    """The reference counts, too: what is wrong may be in it."""
+    with Recording.open(path) as recording:
+        device, found = devices.loads(recording.device_toml), Measured({}, {}, {})
+        for tap in (recording.tap(name) for name in TAPS if name in recording.taps):
+            used = tap.time_s >= SETTLED_S
+            for name in tap.channels:
+                if name not in SKIP:
+                    found.values[name] = np.asarray(tap[name], float)[used]
+                    found.per_mean[name] = max(1, round(MEAN_S * tap.sample_rate_hz))
+                    found.floor[name] = described_floor(device, name)
+        return found
+
+
 def grade(with_effects: Path, without: Path) -> Grade:
-    """Both recordings of one seed. The reference counts, too: what is wrong may be in it."""
-    with Recording.open(with_effects) as changed, Recording.open(without) as plain:
-        device, found = devices.loads(plain.device_toml), {}
-        seen_through = _noise_of_the_device(plain)
-        for tap in TAPS:
-            if tap in changed.taps and tap in plain.taps:
-                found |= _tap(changed.tap(tap), plain.tap(tap), device, seen_through)
-        return Grade(found)
-
-
-def _noise_of_the_device(plain: Recording) -> dict[str, float]:
-    """White power of the channel against which each reference channel is held: errors of the reference are seen through it."""
-    if "output" not in plain.taps:
-        return {}
-    output = plain.tap("output")
-    used = output.time_s >= SETTLED_S
-    pairs = {"true_rate": "rate", "chamber_temperature": "temperature_measured", "shell_temperature": "temperature_measured"}
+    """Both recordings of one seed."""
+    changed, plain = measured(with_effects), measured(without)
     found = {}
-    for reference, name in pairs.items():
-        if name in output.channels:
-            values = np.asarray(output[name], float)[used]
-            found[reference] = _white(values[np.isfinite(values)])
-    return found
-
-
-def _tap(changed: Any, plain: Any, device: Device, seen_through: dict[str, float]) -> dict[str, ChannelGrade]:
-    count = min(len(changed.time_s), len(plain.time_s))
-    used = plain.time_s[:count] >= SETTLED_S
-    per_mean = max(1, round(MEAN_S * plain.sample_rate_hz))
-    found = {}
-    for name in plain.channels:
-        if name not in SKIP and name in changed.channels:
-            before, after = (np.asarray(tap[name], float)[:count][used] for tap in (plain, changed))
-            found[name] = channel_grade(after, before, per_mean, described_floor(device, name), seen_through.get(name, 0.0))
-    return found
+    for name in plain.values:
+        if name in changed.values:
+            count = min(len(changed.values[name]), len(plain.values[name]))
+            found[name] = channel_grade(changed.values[name][:count], plain.values[name][:count], plain.per_mean[name], plain.floor[name], plain.white(name))
+    return Grade(found)
 
 
 def described_floor(device: Device, channel: str) -> float:
@@ -100,31 +110,30 @@ def described_floor(device: Device, channel: str) -> float:
             "drive_level": floor.drive_level_relative}.get(channel, 0.0)
 
 
-def channel_grade(changed: np.ndarray, plain: np.ndarray, per_mean: int, floor: float, least_white: float = 0.0) -> ChannelGrade:
-    """(n,) each, of which `per_mean` make a mean; lost samples are NaN. floor: slow noise, rms; least_white: noise power at least."""
+def channel_grade(changed: np.ndarray, plain: np.ndarray, per_mean: int, floor: float, white: float) -> ChannelGrade:
+    """(n,) each, of which `per_mean` make a mean; lost samples are NaN. floor: slow noise, rms; white: noise power."""
     sound = np.isfinite(changed - plain)
     changed, plain = changed[sound], plain[sound]
     means = len(plain) // per_mean
     if means < 2:
         return ChannelGrade(0.0, 0.0, 0.0)
-    before, after = _white(plain), _white(changed)
-    white = max(before, least_white, 1e-24 * float(np.max(plain**2)), 1e-300)
+    before, after = white_power(plain), white_power(changed)
     blocks = (changed - plain)[: means * per_mean].reshape(means, per_mean)
-    between = _white(changed - plain)
+    between = white_power(changed - plain)
     slow, fast = blocks.mean(axis=1), (blocks - blocks.mean(axis=1, keepdims=True)).ravel()
-    slow_energy = _beyond(float(np.sum(slow**2)), means, between / per_mean)
-    fast_energy = _beyond(float(np.sum(fast**2)), len(fast), between)
+    slow_energy = beyond(float(np.sum(slow**2)), means, between / per_mean)
+    fast_energy = beyond(float(np.sum(fast**2)), len(fast), between)
     slow_noise = white / per_mean + floor**2
     power = abs(after - before) / (white * np.sqrt(8.0 / len(plain)))
     return ChannelGrade(float(np.sqrt(slow_energy / slow_noise + fast_energy / white)), float(np.sqrt(slow_energy / means / slow_noise)), float(power))
 
 
-def _beyond(energy: float, count: int, noise: float) -> float:
+def beyond(energy: float, count: int, noise: float) -> float:
     """What noise of that power does not explain."""
     return max(0.0, energy - count * noise * (1.0 + 3.0 * np.sqrt(2.0 / count)))
 
 
-def _white(values: np.ndarray) -> float:
-    """Power of the white part, from second differences; by their median, since steps and jumps are no noise."""
-    second = np.diff(values, 2) ** 2 / 6.0
+def white_power(values: np.ndarray) -> float:
+    """Power of the white part, from second differences; by their median, since steps and jumps are no noise. Lost samples (NaN) are left out."""
+    second = np.diff(values[np.isfinite(values)], 2) ** 2 / 6.0
     return float(np.median(second)) / 0.454937 if np.any(second) else 0.0

@@ -104,7 +104,7 @@ class Plant:
         cfg.block_samples = described.block_samples
         cfg.adc_bits, cfg.dac_bits = electronics.adc.bits, electronics.dac.bits
         cfg.dac_latency_samples = electronics.dac.latency_samples
-        cfg.serial, cfg.seed = SERIAL, world.seed
+        cfg.serial, cfg.seed = SERIAL, world.seed if world.noise_seed is None else world.noise_seed
         cfg.amplitude_power, cfg.jitter_memory = world.amplitude_power, world.jitter_memory
         cfg.quantum[0:2] = world.quantum
         for index, tone in enumerate(world.tones):

@@ -67,6 +67,10 @@ class World:
     scenario: Scenario
     seed: int
     noise_factor: float = 1.0
+    noise_seed: int | None = None
+    """of noise and described floors; None: `seed`"""
+    paced: bool = False
+    """table, chamber and shell go by the device's clock"""
 
     time_s: np.ndarray = field(init=False)
     chamber_degc: np.ndarray = field(init=False)
@@ -130,7 +134,7 @@ class World:
         if np.any(relative):
             steps = np.broadcast_to(np.asarray(relative, float), (self.edges,))
             late[1:] = np.cumsum(0.5 * (steps[1:] + steps[:-1])) * self.block_s
-        self.time_s = nominal_times + late
+        self.time_s = nominal_times if self.paced else nominal_times + late
         self.table_rate_rad_s = np.asarray(self.scenario.rate.at(self.time_s), float)
         self._set_temperatures()
         self._set_shell()
@@ -156,21 +160,21 @@ class World:
     def _set_shell(self) -> None:
         shell, floor, shift = self.truth.resonator, self.truth.noise_floor, self.shift
         ppm = shell.frequency_slope_ppm_per_degc * shift + shell.frequency_curvature_ppm_per_degc2 * shift**2
-        ppm = ppm + self.flicker("frequency", FLOOR_SHARE * floor.frequency_ppm)
+        ppm = ppm + self.floor("frequency", floor.frequency_ppm)
         self.frequency_hz: Slow = shell.frequency_hz * (1.0 + 1e-6 * ppm)
         knee = shell.q_knee_degc
         below = np.minimum(self.shell_degc, knee) - shell.reference_temperature_degc
         above = np.maximum(self.shell_degc - knee, 0.0)
         quality = shell.q * (1.0 + shell.q_slope_per_degc * below + shell.q_slope_above_knee_per_degc * above)
-        decay = math.pi * self.frequency_hz / quality * (1.0 + self.flicker("damping", FLOOR_SHARE * floor.drive_level_relative))
+        decay = math.pi * self.frequency_hz / quality * (1.0 + self.floor("damping", floor.drive_level_relative))
         unequal = 0.5 * shell.damping_mismatch * math.cos(2.0 * math.radians(shell.damping_axis_deg))
         self.decay_1: Slow = decay * (1.0 + unequal)
         self.decay_2: Slow = decay * (1.0 - unequal)
         self.split_hz: Slow = shell.split_hz * np.exp(2j * math.radians(shell.split_axis_deg))
         """complex: real part raises mode 1 over mode 2, imaginary part couples them"""
         self.angular_gain: Slow = shell.angular_gain
-        self.bias_rad_s: Slow = sum(c * shift**i for i, c in enumerate(shell.cross_damping_rad_s)) + self.flicker(
-            "bias", FLOOR_SHARE * floor.rate_bias_instability_rad_s)
+        self.bias_rad_s: Slow = sum(c * shift**i for i, c in enumerate(shell.cross_damping_rad_s)) + self.floor(
+            "bias", floor.rate_bias_instability_rad_s)
         self.bias_on_primary_rad_s: Slow = 0.0
         """what the damping of mode 2 on mode 1 has less than that of mode 1 on mode 2"""
         self.quadrature_rad_s: Slow = shell.quadrature_rad_s
@@ -203,7 +207,7 @@ class World:
         self.thermometer_degc: np.ndarray = self.base_degc
         self.thermometer_noise_degc = self.truth.electronics.thermometer.noise_degc * self.noise_factor
         self.thermometer_wander_degc: np.ndarray = floor * self.coarsely(
-            lambda t: laws.wander(self.random("thermometer wander"), len(t), COARSE_S, 30.0))
+            lambda t: laws.wander(self.noise("thermometer wander"), len(t), COARSE_S, 30.0))
         self.thermometer_steps_degc = 0.0
         self.thermometer_deadband_degc = 0.0
 
@@ -212,6 +216,10 @@ class World:
     def random(self, purpose: str) -> np.random.Generator:
         """A generator of its own for each purpose, so that one thing drawn does not move another."""
         return self.random_for(self.seed, purpose)
+
+    def noise(self, purpose: str) -> np.random.Generator:
+        """The same for the noise that every device has."""
+        return self.random_for(self.seed if self.noise_seed is None else self.noise_seed, purpose)
 
     @staticmethod
     def random_for(seed: int, purpose: str) -> np.random.Generator:
@@ -228,9 +236,14 @@ class World:
         return np.interp(times, np.arange(self.edges) * self.block_s, values)
 
     def flicker(self, purpose: str, floor: float) -> Slow:
-        if floor == 0.0:
-            return 0.0
-        return self.coarsely(lambda t: laws.flicker(self.random(purpose), len(t), COARSE_S, floor))
+        return self._flicker(self.random(purpose), floor)
+
+    def floor(self, purpose: str, described: float) -> Slow:
+        """This device's part of a described floor."""
+        return self._flicker(self.noise(purpose), FLOOR_SHARE * described)
+
+    def _flicker(self, random: np.random.Generator, floor: float) -> Slow:
+        return self.coarsely(lambda t: laws.flicker(random, len(t), COARSE_S, floor)) if floor != 0.0 else 0.0
 
     # --- for the plant -----------------------------------------------------------------------------------------------
 
@@ -287,7 +300,7 @@ class World:
         """One code per block, at its start; (n,) int32."""
         sensor = self.truth.electronics.thermometer
         sensed = (self.thermometer_degc + self.thermometer_wander_degc)[:-1]
-        sensed = sensed + self.thermometer_noise_degc * self.random("thermometer noise").standard_normal(self.n_blocks)
+        sensed = sensed + self.thermometer_noise_degc * self.noise("thermometer noise").standard_normal(self.n_blocks)
         if self.thermometer_deadband_degc > 0.0:
             coarse = laws.play(sensed, self.thermometer_deadband_degc)
             sensed = coarse
