@@ -16,7 +16,7 @@ BINS = 100
 """of the level, in one burst"""
 SPREAD = 2.0
 """of a bin's noise over the usual: there the curve jumps"""
-LEFT = 0.03
+LEFT = 0.1
 """of a curve's power that taking it out may leave"""
 KNEES = np.linspace(0.5, 0.97, 16)
 """of the largest swing: where an amplifier may begin to give way"""

@@ -11,8 +11,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from wineglass.diagnosis.noise_windows import KEPT, TAPERS, Windows
 
-LEAST_BIN, FIRST_SOUND_BIN = 8, 3
-"""counted from the carrier: below, what moves slowly leaves no level to compare with; the polynomial takes the first bins' power"""
+LEAST_BIN, FAR_BIN, FIRST_SOUND_BIN = 8, 12, 3
+"""counted from the carrier: below, what moves slowly leaves no level to compare with, the less so where frames move; the polynomial takes the first
+bins' power"""
 REACH_BINS, GAP_BINS = 10, 2
 
 
@@ -88,7 +89,7 @@ class Spectra:
     @property
     def _far(self) -> np.ndarray:
         """Bins (n, length) that do not count in a frame in which the carrier moves: its surroundings, too."""
-        return np.asarray(self.masked | (_signed(self.windows.length) < LEAST_BIN))
+        return np.asarray(self.masked | (_signed(self.windows.length) < FAR_BIN))
 
     @cached_property
     def _relative(self) -> np.ndarray:

@@ -57,25 +57,29 @@ class FloorModel:
 
     def of_white(self, channel: str) -> np.ndarray:
         """Channel's density for pickoff noise of variance 1 FS^2 per sample, on its own pickoff."""
-        return self._shape[channel]
+        if channel not in self._known:
+            self._known[channel] = self._of_white(channel)
+        return self._known[channel]
 
     @cached_property
-    def _shape(self) -> dict[str, np.ndarray]:
+    def _known(self) -> dict[str, np.ndarray]:
+        return {}
+
+    def _of_white(self, channel: str) -> np.ndarray:
         white = self._white_tick
-        pll, agc = self._pll, self._agc
-        found = {PRIMARY[0]: self._folded(lambda f: white(f) * np.abs(agc.sensitivity(f)) ** 2),
-                 PRIMARY[1]: self._folded(lambda f: white(f) * np.abs(pll.sensitivity(f)) ** 2)}
-        turns = 2.0 * math.pi * self.calibration.amplitude_set_point_fs
-        found |= {DRIVE[0]: self._sampled(lambda f: white(f) * np.abs(pll.sensitivity(f) * pll.controller(f)) ** 2) / turns**2,
-                  DRIVE[1]: self._sampled(lambda f: white(f) * np.abs(agc.sensitivity(f) * agc.controller(f)) ** 2)}
+        if channel == RATE:
+            return self._rate_of_white()
+        if channel in (*PRIMARY, *DRIVE):
+            loop = self._agc if channel in (PRIMARY[0], DRIVE[1]) else self._pll
+            if channel in PRIMARY:
+                return self._folded(lambda f: white(f) * np.abs(loop.sensitivity(f)) ** 2)
+            turns = 2.0 * math.pi * self.calibration.amplitude_set_point_fs if channel == DRIVE[0] else 1.0
+            return self._sampled(lambda f: white(f) * np.abs(loop.sensitivity(f) * loop.controller(f)) ** 2) / turns**2
         if self.loop == "rebalance":
             loop = self._rebalance
-            amplitude = self._folded(lambda f: white(f) * np.abs(loop.sensitivity(f)) ** 2)
-            force = self._folded(lambda f: white(f) * np.abs(loop.sensitivity(f) * loop.controller(f)) ** 2)
-        else:
-            amplitude = self._folded(white)
-            force = np.zeros_like(amplitude)
-        return found | dict.fromkeys(SECONDARY, amplitude) | dict.fromkeys(FORCES, force) | {RATE: self._rate_of_white()}
+            seen = loop.controller if channel in FORCES else np.ones_like
+            return self._folded(lambda f: white(f) * np.abs(loop.sensitivity(f) * seen(f)) ** 2)
+        return self._folded(white) if channel in SECONDARY else np.zeros(len(self.frequency_hz))
 
     def _rate_of_white(self) -> np.ndarray:
         """Rate output: what is read, times the scale, through the output filter."""

@@ -19,7 +19,7 @@ from wineglass.calibration_block import Calibration, from_binary
 from wineglass.device import Device
 from wineglass.diagnosis import noise_added, noise_events, noise_floor, noise_lines, noise_spectra, noise_trend, noise_windows, output_check, raw_codes, replay, thermometer_codes
 from wineglass.diagnosis.noise_events import Events
-from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, SECONDARY, FloorModel, Pickoff
+from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, RATE, SECONDARY, FloorModel, Pickoff
 from wineglass.diagnosis.noise_lines import Lines
 from wineglass.diagnosis.noise_spectra import Band, SpectralEvidence
 from wineglass.diagnosis.output_check import OutputCheck
@@ -39,6 +39,8 @@ ENOUGH = 100.0
 SURE = 6.0
 ECHO = 100.0
 """height of a line as far as the primary can show it"""
+BURIED = 300.0
+"""height of a line whose sides move noise's level"""
 ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermometer_quantisation")
 """effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
 STALE_S, DECAYS = 0.5, 5.0
@@ -161,7 +163,8 @@ class _Seen:
         degc = self._temperature(tap)
         lines = noise_lines.find(windows, self._calibration, model, degc)
         taken = noise_lines.taken(lines, windows, None, degc), noise_lines.taken(lines, windows, None, degc, highest=ECHO)
-        self._look_for_trends(windows, model, taken, degc)
+        if not any(line.height > BURIED for line in lines.clear):
+            self._look_for_trends(windows, model, taken, degc)
         return noise_spectra.bands_of(windows, self._device, self._calibration, self._slow, *taken), lines
 
     def _look_for_trends(self, windows: noise_windows.Windows, model: FloorModel, taken: tuple[np.ndarray, np.ndarray], degc: np.ndarray | None) -> None:
@@ -192,11 +195,15 @@ class _Seen:
         if "output" not in self._recording or "rate" not in self._recording.tap("output"):
             return []
         windows = self._quiet(self._recording.tap("output"), length_s, noise_spectra.LOW_ORDER)
-        taken = np.zeros((len(windows), windows.length // 2), bool)
-        if lines is not None:
-            carrier = self._recording.taps.get("baseband")
-            taken = noise_lines.taken(lines, windows, carrier, self._temperature(carrier) if carrier is not None else None)
-        return noise_spectra.rate_bands(windows, self._device, self._calibration, self._slow, taken, to_hz)
+        taken, values = np.zeros((len(windows), windows.length // 2), bool), noise_lines.filled(windows.tap, RATE)
+        carrier = self._recording.taps.get("baseband")
+        if lines is not None and carrier is not None and len(windows):
+            degc = self._temperature(carrier)
+            taken = noise_lines.taken(lines, windows, carrier, degc)
+            values, sound = noise_lines.without(values, lines, windows, carrier, degc)
+            if not sound:
+                return []
+        return noise_spectra.rate_bands(windows, self._device, self._calibration, values - self._slow.get(RATE, 0.0), taken, to_hz)
 
     def _temperature(self, tap: Tap) -> np.ndarray | None:
         """As measured, at a tap's samples."""

@@ -31,6 +31,8 @@ UNUSUAL = {"force": 2.0, "drifting": 2.0, "other": 4.0}
 """nats for forms that are rarer"""
 CLEAR = 6.0
 MOST = 2
+STRONG, STEADY = 30.0, 0.3
+"""height of a line that shows beside itself; turns by which one may slip in a window"""
 ECHO_RATIO = 0.03
 """a line whose height on one axis is below this part of that on the other is the other's echo"""
 LARGEST_DRIFT_HZ_PER_DEGC, LEAST_SPAN_DEGC = 0.5, 5.0
@@ -38,8 +40,8 @@ FORM_SIGMA, MIRROR = 0.1, 0.1
 """relative, of a line's power in one window; of the other side's power that coupling and gains may leave"""
 TWO_SIDED, REFUTED = 0.3, -5.0
 """part of the windows with a line on both sides of the carrier that refutes a tone"""
-SHARPER = 1.5
-"""by which a line must rise more in a frame that follows the temperature"""
+SHARPER, MOSTLY = 1.5, 0.6
+"""by which a line must rise more in a frame that follows the temperature; part of the windows that must show it"""
 
 
 @dataclass(frozen=True)
@@ -123,19 +125,43 @@ def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, temperatur
     return found
 
 
+def without(values: np.ndarray, lines: Lines, windows: Windows, carrier: Tap, temperature_degc: np.ndarray | None) -> tuple[np.ndarray, bool]:
+    """A channel (n,) without the strong lines in its windows, since a polynomial does not leave them alone; and whether that could be done: a line
+    whose frequency moves too much within a window stays."""
+    left, done = values.copy(), True
+    length, rate_hz = windows.length, windows.tap.sample_rate_hz
+    slow = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, length), windows.order)
+    for line in lines.clear:
+        if line.height < STRONG:
+            continue
+        place, wander = _places(line, windows, carrier, temperature_degc)
+        done &= float(np.median(wander)) * length / rate_hz < STEADY
+        for first, at in zip(windows.first, place, strict=True):
+            angle = 2.0 * np.pi * at * np.arange(length) / rate_hz
+            design = np.column_stack([np.cos(angle), np.sin(angle), slow])
+            piece = slice(first, first + length)
+            left[piece] -= design[:, :2] @ np.linalg.lstsq(design, left[piece], rcond=None)[0][:2]
+    return left, done
+
+
+def _places(line: Line, windows: Windows, carrier: Tap, temperature_degc: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Distance of a line from the oscillator in each window, and by how much it moves there [Hz]; (n,) each."""
+    if line.form not in ("tone", "force", "drifting") or not math.isfinite(line.frequency_hz):
+        return np.full(len(windows), line.frequency_hz), np.zeros(len(windows))
+    moved = filled(carrier, "drive_frequency")
+    if line.drift_hz_per_degc and temperature_degc is not None:
+        moved = moved - line.drift_hz_per_degc * (temperature_degc - float(np.mean(temperature_degc)))
+    mean, wander = _in_windows(moved, windows, carrier)
+    return np.abs(line.frequency_hz - mean), wander
+
+
 def _taken(line: Line, windows: Windows, carrier: Tap, temperature_degc: np.ndarray | None, highest: float) -> np.ndarray:
     bins, rate_hz = windows.frequency_hz, windows.tap.sample_rate_hz
     found = np.zeros((len(windows), len(bins)), bool)
-    place, wander = np.full(len(windows), line.frequency_hz), np.zeros(len(windows))
-    if line.form in ("tone", "force", "drifting") and math.isfinite(line.frequency_hz):
-        moved = filled(carrier, "drive_frequency")
-        if line.drift_hz_per_degc and temperature_degc is not None:
-            moved = moved - line.drift_hz_per_degc * (temperature_degc - float(np.mean(temperature_degc)))
-        mean, wander = _in_windows(moved, windows, carrier)
-        place = np.abs(line.frequency_hz - mean)
+    place, wander = _places(line, windows, carrier, temperature_degc)
     reach = max(4.5, 2.5 * (min(line.height, highest) / 0.03) ** 0.25)  # the tapers' sides fall with the fourth power
     width = reach * rate_hz / windows.length
-    for times in (1.0, 2.0, 3.0) if line.height > 100.0 else (1.0,):
+    for times in (1.0, 2.0, 3.0) if line.height > STRONG else (1.0,):
         found |= np.abs(bins - _folded(times * place, rate_hz)[:, None]) < (width + 0.5 * times * wander)[:, None]
     return found
 
@@ -280,7 +306,9 @@ class _Search:
         if line.ratio < least_ratio:
             return nothing
         electrical, mechanical, both_sides = self._forms(spectra, self._channel, self._offsets(line, degc))
-        if both_sides > 0.0:
+        power, noise, _ = spectra.powers_at(self._offsets(line, degc))
+        seen = np.isfinite(power)
+        if both_sides > 0.0 or np.count_nonzero(power[seen] > 2.5 * noise[seen]) < MOSTLY * np.count_nonzero(seen):
             return nothing
         return replace(line, log_evidence=line.log_evidence + min(0.0, electrical - mechanical) - UNUSUAL["drifting"])
 

@@ -8,7 +8,7 @@ they would not be seen."""
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations, product
 
 import numpy as np
@@ -31,6 +31,7 @@ class Mixture:
     steps: np.ndarray
     wander: np.ndarray
     tolerance: float
+    _known: dict[tuple, float] = field(default_factory=dict, repr=False)
 
     def log_likelihood(self, mean: np.ndarray) -> np.ndarray:
         """Of means (..., n), relative to the powers themselves."""
@@ -44,7 +45,10 @@ class Mixture:
             for chosen in combinations(range(len(answers)), size):
                 active = list(chosen)
                 unseen = [self._log_unseen(answers[j], low[j], high[j]) for j in range(len(answers)) if j not in chosen]
-                scores.append(self._laplace(answers[active], low[active], high[active]) + sum(unseen))
+                key = tuple((answers[j].tobytes(), low[j], high[j]) for j in active)
+                if key not in self._known:
+                    self._known[key] = self._laplace(answers[active], low[active], high[active])
+                scores.append(self._known[key] + sum(unseen))
         return float(logsumexp(scores))
 
     def _log_unseen(self, answer: np.ndarray, low: float, high: float) -> float:

@@ -27,6 +27,8 @@ BANDS = 13
 FIRST_BIN, LAST_PART = 3.5, 0.49
 LOW_LENGTH_S, LOW_TO_HZ, LOW_ORDER = 10.24, 1.3, 5
 """of the rate's own windows, which reach down further: bias that wanders is slow, and the output filter keeps fast noise from folding there"""
+LOW_KEPT = 0.5
+"""of the rate's windows: steps of the bias are no noise that wanders all the time"""
 LEAST_ANSWER = 0.1
 """of an open shell to a rate: where it hardly answers, what is slow in the output is something else"""
 SHAPE_PER_BIN = 0.8
@@ -128,15 +130,14 @@ def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: d
     return found
 
 
-def rate_bands(windows: Windows, device: Device, calibration: Calibration, slow: dict[str, np.ndarray], lines: np.ndarray, to_hz: float) -> list[Band]:
-    """The rate output's bands up to a frequency, at the described amplitude."""
+def rate_bands(windows: Windows, device: Device, calibration: Calibration, values: np.ndarray, lines: np.ndarray, to_hz: float) -> list[Band]:
+    """The rate output's bands up to a frequency, at the described amplitude. values: the rate at the tap's samples, (n,)"""
     amplitude = calibration.amplitude_set_point_fs
     usual = ~(np.abs(windows.amplitude_fs - amplitude) > 6e-4)  # not recorded counts, too
     group = windows.only(usual)
     if len(group) < noise_windows.LEAST_WINDOWS or RATE not in windows.tap:
         return []
     model = FloorModel(device, calibration, windows.tap.sample_rate_hz, windows.frequency_hz, calibration.loop)
-    values = _filled(windows.tap, RATE) - slow.get(RATE, 0.0)
     found = [band for band in _bands(group, RATE, values, amplitude, model, lines[usual]) if band.high_hz <= to_hz]
     if to_hz == math.inf:
         return found
@@ -173,21 +174,22 @@ def _bands(group: Windows, channel: str, values: np.ndarray, amplitude: float, m
         whole = relative[~np.any(np.isnan(relative), axis=1)]
         if len(whole) < noise_windows.LEAST_WINDOWS:
             continue
-        power = _power(whole, shape)
+        share = LOW_KEPT if channel == RATE else noise_windows.KEPT
+        power = _power(whole, shape, share)
         f = group.frequency_hz[chosen]
-        if f[-1] < SLOW_TO_HZ and power > SMOOTH_SHARE * _power(smoother[:, chosen] / white[chosen], shape):
+        if f[-1] < SLOW_TO_HZ and power > SMOOTH_SHARE * _power(smoother[:, chosen] / white[chosen], shape, share):
             continue
         granted = float(np.mean(wander[chosen] / white[chosen]))
         model_error = math.hypot(MODEL_ERROR, MODEL_ERROR_AT_1_HZ / float(f.mean()), WANDER_ERROR * granted / (granted + pickoff.whole))
-        total = 1.0 / (1.0 / (0.8 * shape * len(whole)) + model_error**2)
+        total = 1.0 / (1.0 / (0.8 * min(1.0, share / noise_windows.KEPT) * shape * len(whole)) + model_error**2)
         inside = {name: float(np.mean(answer[chosen] / white[chosen])) for name, answer in answers.items()}
         found.append(Band(channel, float(f[0]), float(f[-1]), amplitude, power, total, pickoff.noise, pickoff.steps, inside, granted))
     return found
 
 
-def _power(relative: np.ndarray, shape: float) -> float:
+def _power(relative: np.ndarray, shape: float, share: float) -> float:
     """Of windows' densities (n, bins) over the model's."""
-    return float(noise_windows.trimmed(relative.mean(axis=1)[:, None], shape)[0])
+    return float(noise_windows.trimmed(relative.mean(axis=1)[:, None], shape, share)[0])
 
 
 def _edges(length: int) -> tuple[np.ndarray, np.ndarray]:

@@ -17,6 +17,8 @@ LEAST_SPAN_DEGC, LEAST_BINS = 5.0, 12
 LEVEL_ERROR = 0.06
 """relative, of a third's level: loops answer a little otherwise in the warmth"""
 OCCAM = 5.0
+MEDIAN = 0.80
+"""of a bin's power over its mean: gamma distributed with two tapers"""
 AGREED = 0.35
 """by which both quadratures may differ, of the log of how much the level changes"""
 
@@ -41,10 +43,10 @@ def find(axis: str, windows: Windows, channels: dict[str, np.ndarray], white: di
     if np.count_nonzero(usable) < LEAST_BINS:
         return None
     thirds = np.array_split(np.argsort(degc, kind="stable"), 3)
-    logs, shape = [], 0.8 * np.count_nonzero(usable)
+    logs, shape = [], 0.5 * np.count_nonzero(usable)
     for name, values in channels.items():
         relative = np.where(taken, np.nan, windows.densities(values) / white[name])[:, usable]
-        level = np.nanmean(np.where(np.isnan(relative).all(axis=1)[:, None], 1.0, relative), axis=1)
+        level = np.nanmedian(np.where(np.isnan(relative).all(axis=1)[:, None], 1.0, relative), axis=1) / MEDIAN  # the sides of lines count little
         logs.append(np.log([noise_windows.trimmed(level[third][:, None], shape)[0] / floor for third in thirds]))
     each = np.array([len(third) for third in thirds])
     both = np.mean(logs, axis=0)

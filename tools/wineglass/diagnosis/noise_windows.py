@@ -21,7 +21,7 @@ LENGTHS = 64, 4096
 TAPERS = 2
 KEPT = 0.75
 LEAST_WINDOWS = 4
-IMAGE_FROM_HZ = 6.0
+IMAGE_FROM_HZ = 3.0
 _BAD = int(Status.TEST_ACTIVE | Status.OVERFLOW | Status.REBALANCE_SATURATED | Status.ACQUIRING | Status.DRIVE_SATURATED)
 
 
@@ -131,10 +131,10 @@ def _image_hz(windows: Windows, calibration: Calibration) -> np.ndarray:
     return np.asarray(drive - np.round(drive / calibration.loop_rate_hz) * calibration.loop_rate_hz)
 
 
-def trimmed(power: np.ndarray, shape: float) -> np.ndarray:
-    """Mean (m,) over windows of powers (n, m) that are gamma distributed with that shape, from the lesser three quarters of them."""
+def trimmed(power: np.ndarray, shape: float, share: float = KEPT) -> np.ndarray:
+    """Mean (m,) over windows of powers (n, m) that are gamma distributed with that shape, from the lesser of them."""
     count = len(power)
-    kept = max(1, round(KEPT * count))
+    kept = max(1, round(share * count))
     part = kept / count
     if part >= 1.0:
         return np.asarray(power.mean(axis=0))

@@ -30,6 +30,8 @@ CLIP_LEAST = 20
 JUMP_S = 0.3
 """a burst so soon after a jump of phase still shows the loops' answer"""
 SURE = 6.0
+BURIED = 0.3
+"""of the noise, what a curve may have left: jitter is not looked for in that"""
 LEAST_DITHER = 0.3
 """of a step: noise that moves codes for certain"""
 MODEL_ERROR = 0.03
@@ -299,7 +301,7 @@ def _noise(bursts: list[Burst], device: Device, rippled: float, evidence: dict[s
             continue
         variance, sigma = _weighted([(burst.variance, burst.variance_sigma) for burst in own])
         modulation, modulation_sigma = _weighted([(burst.modulation, burst.modulation_sigma) for burst in own])
-        if channel == CHANNELS[0]:
+        if channel == CHANNELS[0] and _weighted_doubt(own) < BURIED * variance:
             _jitter(own, device, evidence, values)
         white = variance - (max(0.0, modulation) + 1.3 * rippled if channel == CHANNELS[0] else 0.0)
         spread = math.sqrt(sigma**2 + modulation_sigma**2 + (floor.noise * tolerance) ** 2 + (MODEL_ERROR * variance) ** 2 + _weighted_doubt(own) ** 2)
