@@ -1,7 +1,8 @@
 """How honest the rate-level diagnosis is, on gyros of other forms than its own (rate_level_cases.py).
 
-    python tests/campaigns/rate_level_honesty.py --cases 150 [--first 1] [--jobs 2] [--list]
+    python tests/campaigns/rate_level_honesty.py --cases 150 [--first 1] [--jobs 2] [--list] [--makes]
 
+--makes draws from rate_level_makes.py instead: other sampling, thermometers, soaks and pauses.
 Prints: false gaps on nulls, truth among the named, unique and wrong, unknown flagged, Brier score and expected calibration error of the probabilities,
 held-out gap removed. docs/NUMBERS.md has the last result. About 1 s a case.
 """
@@ -14,6 +15,7 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[2] / "tools"), str(Path(__file__).resolve().parent)]
 
@@ -21,8 +23,10 @@ import wineglass  # noqa: E402, F401 - before numpy: threads
 
 import numpy as np  # noqa: E402
 import rate_level_cases as cases  # noqa: E402
+import rate_level_makes as makes  # noqa: E402
 
 BINS = 10
+NEAREST = cases.NEAREST | makes.NEAREST
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ class Answer:
         return self.truth or frozenset({"none"})
 
     def accepts(self, ids: frozenset[str]) -> bool:
-        return ids == self.right or (self.foreign and ids == cases.NEAREST.get(self.kind))
+        return ids == self.right or (self.foreign and ids == NEAREST.get(self.kind))
 
     @property
     def unique_and_wrong(self) -> bool:
@@ -61,11 +65,15 @@ class Answer:
         return any(self.accepts(ids) for ids in self.named)
 
 
-def answer(seed: int, kind: str | None = None, profile: str | None = None, size: float | None = None) -> Answer:
+def answer_of_makes(seed: int) -> Answer:
+    return answer(seed, source=makes)
+
+
+def answer(seed: int, kind: str | None = None, profile: str | None = None, size: float | None = None, source: ModuleType = cases) -> Answer:
     from wineglass.diagnosis.rate_level import analyse
     from wineglass.diagnosis.verdict import diagnose
 
-    case = cases.draw(seed, kind, profile, size)
+    case = source.draw(seed, kind, profile, size)
     found = diagnose(case.evidence, analyse(case.evidence))
     named = [frozenset(ids) for ids in found.alternatives] or ([frozenset(e.id for e in found.effects)] if found.effects else [])
     probabilities = tuple((frozenset(h.ids), h.probability) for h in found.hypotheses)
@@ -88,7 +96,7 @@ def calibration_error(answers: list[Answer]) -> float:
     for a in answers:
         for name in {i for ids, _ in a.probabilities for i in ids} - {"none", "other"}:
             confidence.append(sum(p for ids, p in a.probabilities if name in ids))
-            hit.append(name in a.truth or (a.foreign and name in cases.NEAREST.get(a.kind, ())))
+            hit.append(name in a.truth or (a.foreign and name in NEAREST.get(a.kind, ())))
     confidence, hit = np.array(confidence), np.array(hit, float)
     place = np.minimum((confidence * BINS).astype(int), BINS - 1)
     return float(sum(abs(confidence[place == b].sum() - hit[place == b].sum()) for b in range(BINS)) / max(1, len(hit)))
@@ -124,20 +132,21 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=1, help="first seed")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--list", action="store_true", help="every case that is wrong, and the verdicts by kind")
+    parser.add_argument("--makes", action="store_true", help="gyros of rate_level_makes.py")
     args = parser.parse_args()
     answers: list[Answer] = []
     with ProcessPoolExecutor(args.jobs) as pool:
-        for found in pool.map(answer, range(args.first, args.first + args.cases)):
+        for found in pool.map(answer_of_makes if args.makes else answer, range(args.first, args.first + args.cases)):
             answers.append(found)
             if len(answers) % 25 == 0:
                 print(f"{len(answers)} cases done", file=sys.stderr, flush=True)
     print("\n".join(report(answers)))
     if args.list:
-        _list(answers)
+        _list(answers, (makes if args.makes else cases).kinds())
 
 
-def _list(answers: list[Answer]) -> None:
-    for kind in cases.kinds():
+def _list(answers: list[Answer], kinds: list[str]) -> None:
+    for kind in kinds:
         of = [a for a in answers if a.kind == kind]
         print(f"{kind:24} {dict(Counter(a.verdict for a in of))}")
     for a in answers:

@@ -60,6 +60,24 @@ def test_global_json_goes_to_the_terminal(drifting, capsys):
     assert Diagnosis(**json.loads(capsys.readouterr().out)).verdict == "attributed"
 
 
+def turning(row):
+    return (0.3, -0.3, 0.0)[row // 200 % 3]
+
+
+def test_other_units_and_names_say_the_same(drifting, tmp_path):
+    """Minutes, kelvin and degrees per hour, a logger's own names, a coarse thermometer, missing rows."""
+    values = np.loadtxt(drifting / "drift.csv", delimiter=",", skiprows=1)
+    values = values[np.random.default_rng(4).random(len(values)) > 0.03]
+    table_of = np.column_stack([values[:, 0] / 60.0, np.round(values[:, 1] * 4.0) / 4.0 + 273.15, np.degrees(values[:, 2]) * 3600.0])
+    np.savetxt(tmp_path / "log.csv", table_of, delimiter=",", header="stamp,box[K],z", comments="", fmt="%.9g")
+    flags = ["--column", "time=stamp", "--column", "temperature=box", "--column", "rate=z", "--unit", "stamp=min", "--unit", "z=deg/h"]
+    assert main(["diagnose", str(tmp_path / "log.csv"), *flags, "--json", str(tmp_path / "d.json"), "-q"]) == 0
+    found = Diagnosis(**json.loads((tmp_path / "d.json").read_text()))
+    assert ["ageing"] in (found.alternatives or [[e.id for e in found.effects]])
+    notes = " ".join(found.notes)
+    assert "steps of 0.25 degC" in notes and "samples are missing" in notes
+
+
 def lines(path):
     return path.read_text().splitlines()
 
@@ -74,6 +92,10 @@ def lines(path):
     (lambda rows: ["time[s],temperature[degC],rate[degC]"] + rows[1:], "not of rate"),
     (lambda rows: [rows[0]] + [row.rsplit(",", 1)[0] + ",0.5" for row in rows[1:]], "never changes"),
     (lambda rows: [rows[0]] + [f"{row.rsplit(',', 1)[0]},{i}" for i, row in enumerate(rows[1:])], "check the unit of the rate"),
+    (lambda rows: [rows[0]] + [f"{t},{float(c) + 273.15},{r}" for t, c, r in (row.split(",") for row in rows[1:])], "check the unit of the temperature"),
+    (lambda rows: [rows[0] + ",true_rate[rad/s]"] + [f"{row.rsplit(',', 1)[0]},{57.3 * turning(i)},{turning(i)}" for i, row in enumerate(rows[1:])],
+     "check the units of both"),
+    (lambda rows: rows[:-1] + [rows[-1][: len(rows[-1]) // 2]], "cells where the header has 3"),
 ])
 def test_bad_tables_are_one_line_and_nothing_is_written(drifting, tmp_path, capsys, damage, says):
     bad = tmp_path / "bad.csv"

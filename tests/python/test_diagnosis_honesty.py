@@ -59,6 +59,28 @@ def test_what_no_catalogue_knows_is_not_blamed_on_an_effect(signal, seed):
     assert found.verdict in ("unknown", "ambiguous"), found
 
 
+def test_confidence_goes_with_what_is_left():
+    """A drift of another shape keeps its name; waves in time, of which every effect leaves most, are something else."""
+    _, drifting, _ = outcome([synthetic.drift(SIZE)], 21, synthetic.two_cycles)
+    assert drifting.posterior.marginal("ageing") > 0.7 and drifting.posterior.other < 0.2
+    _, waving, _ = outcome([synthetic.humps(SIZE / 3)], 42, synthetic.two_cycles)
+    assert waving.posterior.other > 0.6
+    assert all(waving.posterior.marginal(name) < 0.4 for name in waving.design.effects)
+
+
+def test_belief_falls_with_effects_and_with_what_they_leave():
+    from wineglass.diagnosis.probabilities import HeldOut, Leftover
+
+    sets = [("ageing",), ("ageing", "thermometer_lag"), ("ageing", "thermal_gradient", "thermometer_lag")]
+    left = {(): 1.0, **{ids: 0.01 for ids in sets}, ("thermal_gradient",): 0.5}
+    held = {ids: HeldOut(value, 0.0) for ids, value in left.items()}
+    leftover = Leftover(left, held, floor=0.01, threshold=0.02)
+    beliefs = [leftover.belief(ids, 1.0) for ids in sets]
+    assert beliefs[0] > 0.9 > beliefs[1] > 0.8 > 0.5 > beliefs[2]
+    assert leftover.belief(("thermal_gradient",), 1.0) < beliefs[0] - 0.1
+    assert Leftover(left, held, 0.01, 0.02, one_branch=True).belief(sets[0], 1.0) < beliefs[0]
+
+
 def test_an_effect_out_of_the_catalogue_is_not_replaced_with_confidence():
     evidence = synthetic.make([synthetic.drift(SIZE)], SEED + 51, synthetic.two_cycles)
     found = decide(analyse(evidence, without=frozenset({"ageing"})))

@@ -31,6 +31,8 @@ OF_THE_THERMOMETER = ("thermometer_lag", "thermometer_error")
 AXES_DEG = (0.0, 45.0)
 HALF_WIDTHS_DEGC = (2.0, 5.0, 12.0, 25.0)
 LAGS = 24  # time constants tried, of the thermometer
+UNIT_ROUNDS, UNIT_BLOCKS = 3, 400
+EXPLAINED, UNLIKELY = 2.0, 2.9  # times the noise of a block's mean that a unit may leave which explains the recording; standard deviations
 SURE = 10.0  # times the least squares that the best lag leaves: another one leaves more than that, or there is none
 REACH = 10.0  # of an effect's typical size: what it may have at most, and half as much again is no surprise
 NUDGE = 0.1  # standard deviations
@@ -77,10 +79,11 @@ class _Bench:
     tap_rate_hz: float
     time_s: np.ndarray
     always: tuple[Setting, ...] = ()
+    truth: Device | None = None
 
     def run(self, settings: list[Setting] | None = None, truth: Device | None = None) -> dict[str, np.ndarray]:
         run = self.driven.run
-        changed = Run(run.scenario, run.device, truth or run.truth)
+        changed = Run(run.scenario, run.device, truth or self.truth or run.truth)
         ticks = max(1, round(run.device.slow_rate_hz / self.tap_rate_hz))
         with Envelope(changed, calibration_block=self.driven.calibration_block, frame_ticks=ticks, effects=[*self.always, *(settings or [])]) as envelope:
             frames = envelope.run()
@@ -98,8 +101,9 @@ class _Bench:
         return np.interp(self.time_s, self.tap_time_s, values[place])
 
 
-def expect(recording: Recording, device: Device, channel: str, time_s: np.ndarray, measured_degc: np.ndarray) -> Expected:
-    """time_s, measured_degc (n,): of the observations. Where the shell's own temperature was recorded, the thermometer is taken as it was found: what
+def expect(recording: Recording, device: Device, channel: str, time_s: np.ndarray, measured_degc: np.ndarray, rate_rad_s: np.ndarray) -> Expected:
+    """time_s, measured_degc, rate_rad_s (n,): of the observations, the rate NaN where it is no good. The twin is of the unit that the recording shows,
+    within its tolerances. Where the shell's own temperature was recorded, the thermometer is taken as it was found: what
     it makes of scale and compensation is no news."""
     driven = drive.from_recording(recording, device)
     tap = recording.tap("output")
@@ -110,10 +114,12 @@ def expect(recording: Recording, device: Device, channel: str, time_s: np.ndarra
     found = thermometer_as_found(time_s, shell, measured_degc - (measured - shell)) if driven.shell_known else []
     if found:
         bench = replace(bench, always=tuple(found))
+    unit = _unit(bench, rate_rad_s, use & np.isfinite(rate_rad_s))
+    bench = replace(bench, truth=unit.device)
     rate = bench.rate()
     warm = np.array(device.resonator.cross_damping_rad_s or [0.0], float)
     slope = np.polynomial.Polynomial(warm).deriv()(shell - device.resonator.reference_temperature_degc) if len(warm) > 1 else np.zeros(len(rate))
-    return Expected(rate, _uncertain(bench, rate), _shown(bench, rate), use, measured - shell, slope * np.ones(len(rate)), driven.notes)
+    return Expected(rate, _uncertain(bench, unit, rate), _shown(bench, rate), use, measured - shell, slope * np.ones(len(rate)), driven.notes)
 
 
 def thermometer_as_found(time_s: np.ndarray, shell: np.ndarray, measured: np.ndarray) -> list[Setting]:
@@ -121,7 +127,7 @@ def thermometer_as_found(time_s: np.ndarray, shell: np.ndarray, measured: np.nda
     stride = max(1, len(time_s) // 4000)
     time_s, shell, measured = time_s[::stride], shell[::stride], measured[::stride]
     span = float(time_s[-1] - time_s[0])
-    lags = np.concatenate([[0.0], np.geomspace(3e-4 * span, 0.3 * span, LAGS)])
+    lags = np.concatenate([[0.0], np.geomspace(3e-4 * span, 0.6 * span, LAGS)])
     best: tuple[float, float, np.ndarray] | None = None
     for _ in range(3):  # finer about the best
         for lag_s in lags:
@@ -140,8 +146,37 @@ def thermometer_as_found(time_s: np.ndarray, shell: np.ndarray, measured: np.nda
     return [*settings, Setting("thermometer_error", {"offset_degc": float(np.clip(best[2][0], -30, 30)), "gain": float(np.clip(best[2][1], -0.2, 0.2))})]
 
 
-def _uncertain(bench: _Bench, rate: np.ndarray) -> np.ndarray:
+def _unit(bench: _Bench, recorded: np.ndarray, use: np.ndarray) -> Unit:
+    """Within the tolerances, nearest to the recording; the nominal one where no unit explains all of it: then an effect is there, which would bend every value."""
     unit = Unit.of(bench.driven.run.device)
+    if not len(unit.uncertain) or use.sum() < UNIT_BLOCKS:
+        return unit
+    edges = np.linspace(0, int(use.sum()), UNIT_BLOCKS + 1).astype(int)[:-1]
+    sizes = np.diff([*edges, int(use.sum())])
+
+    def means(values: np.ndarray) -> np.ndarray:
+        return (np.add.reduceat(values[use], edges, axis=0).T / sizes).T
+
+    nominal, left = unit, np.inf
+    white = float(np.median(np.abs(np.diff((recorded - bench.rate())[use], 2)))) / 0.6745 / np.sqrt(6.0 * np.mean(sizes))
+    for _ in range(UNIT_ROUNDS):
+        here = replace(bench, truth=unit.device)
+        rate = here.rate()
+        off, slopes = means(recorded - rate), means(_uncertain(here, unit, rate))
+        noise = float(np.std(off)) + 1e-15
+        for _ in range(4):
+            tied = np.vstack([slopes / noise, np.eye(slopes.shape[1])])
+            change = np.linalg.lstsq(tied, np.concatenate([off / noise, -unit.off]), rcond=None)[0]
+            noise = left = float(np.sqrt(np.mean((off - slopes @ change) ** 2))) + 1e-15
+        moved = unit.toward(change)
+        if float(np.max(np.abs(moved.off - unit.off))) < 0.02:
+            break
+        unit = moved
+    return unit if left < EXPLAINED * white and float(np.max(np.abs(unit.off))) < UNLIKELY else nominal
+
+
+def _uncertain(bench: _Bench, unit: Unit, rate: np.ndarray) -> np.ndarray:
+    """(n, k): per standard deviation, about the unit."""
     columns = []
     for index in range(len(unit.uncertain)):
         try:

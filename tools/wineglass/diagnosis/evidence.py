@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wineglass.diagnosis.soundness import HOTTEST_DEGC, unit_factor
 from wineglass.errors import BadInput
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def from_recording(path: Path, device: str | None = None) -> Evidence:
         if shell is not None:
             data = replace(data, temperature_degc=shell)
         bias, slope, true_rate, notes = _nominal(recording, channel, data)
-        expected = _expected(recording, known, channel, data, measured)
+        expected = _expected(recording, known, channel, data, measured, true_rate)
         if expected is not None:
             bias, slope = expected.rate - (0.0 if true_rate is None else true_rate), expected.slope
             notes = ["the nominal twin is the envelope twin of the described device over the recorded inputs", *expected.notes]
@@ -139,13 +140,14 @@ def from_recording(path: Path, device: str | None = None) -> Evidence:
     ))
 
 
-def _expected(recording: Recording, device: Device | None, channel: str, data: Observations, measured: np.ndarray) -> Expected | None:
+def _expected(recording: Recording, device: Device | None, channel: str, data: Observations, measured: np.ndarray,
+              true_rate: np.ndarray | None) -> Expected | None:
     """None without calibration: there is no telling what the output's scale is."""
     if device is None or not recording.calibration_block:
         return None
     from wineglass.diagnosis.described import expect
 
-    return expect(recording, device, channel, data.time_s, measured)
+    return expect(recording, device, channel, data.time_s, measured, np.where(data.valid & _settled(data, true_rate), data.measured, np.nan))
 
 
 def _noise(recording: Recording, device: Device | None) -> NoiseEvidence:
@@ -171,8 +173,11 @@ def checked(evidence: Evidence) -> Evidence:
         raise BadInput(f"channel {evidence.channel} never changes", evidence.source, "a live sensor has noise: check the column")
     if len(rate) and np.max(np.abs(rate)) > 100.0:
         raise BadInput(f"channel {evidence.channel} reaches {np.max(np.abs(rate)):.3g} rad/s", evidence.source, "check the unit of the rate")
-    if np.max(evidence.temperature_degc, initial=0.0) > 500.0:
-        raise BadInput(f"the temperature reaches {np.max(evidence.temperature_degc):.3g} degC", evidence.source, "check the unit of the temperature")
+    if len(rate) and np.median(evidence.temperature_degc) > HOTTEST_DEGC:
+        raise BadInput(f"the temperature is about {np.median(evidence.temperature_degc):.3g} degC", evidence.source, "check the unit of the temperature")
+    gain = None if evidence.true_rate_rad_s is None else unit_factor(evidence.true_rate_rad_s, rate)
+    if gain is not None:
+        raise BadInput(f"channel {evidence.channel} is {gain:.4g} times the true rate", evidence.source, "check the units of both")
     return evidence
 
 

@@ -170,15 +170,22 @@ def _check_rate_unit(recording: Recording) -> None:
             continue
         true_rate = np.interp(output.time_s, reference.time_s[there], reference["true_rate"][there])
         use = np.isfinite(output[name])
-        moves = true_rate[use] - true_rate[use].mean() if use.any() else np.zeros(1)
-        values = output[name][use]
-        if use.sum() < 20 or np.std(moves) < 1e-9 or abs(np.corrcoef(moves, values)[0, 1]) < 0.5:
-            return
-        gain = abs(float(moves @ values / (moves @ moves)))
-        for factor in (*UNIT_FACTORS, *(1.0 / f for f in UNIT_FACTORS)):
-            if abs(np.log(gain / factor)) < NEAR_FACTOR:
-                raise BadInput(f"channel {name} is {gain:.4g} times the true rate", recording.path, "check the units of both")
+        gain = unit_factor(true_rate[use], output[name][use])
+        if gain is not None:
+            raise BadInput(f"channel {name} is {gain:.4g} times the true rate", recording.path, "check the units of both")
         return
+
+
+def unit_factor(true_rate: np.ndarray, values: np.ndarray) -> float | None:
+    """By how much two rates (n,) differ, where that is the ratio of two units; None where it is not, or cannot be told."""
+    if len(values) < 20:
+        return None
+    moves = true_rate - true_rate.mean()
+    if np.std(moves) < 1e-9 or np.std(values) == 0.0 or abs(np.corrcoef(moves, values)[0, 1]) < 0.5:
+        return None
+    gain = abs(float(moves @ values / (moves @ moves)))
+    factors = (*UNIT_FACTORS, *(1.0 / f for f in UNIT_FACTORS))
+    return gain if any(abs(np.log(gain / factor)) < NEAR_FACTOR for factor in factors) else None
 
 
 def _damage(recording: Recording) -> list[str]:

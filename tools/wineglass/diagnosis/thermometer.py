@@ -20,7 +20,7 @@ from wineglass.diagnosis.noise_models import CLASSES
 from wineglass.diagnosis.vocabulary import NONE, OTHER, component_of, stage_of
 
 CHANNEL, UNIT = "temperature_measured", "degC"
-LAG_SHARES, LAG_STEPS = (3e-4, 0.1), 25  # of the record
+LAG_SHARES, LAG_STEPS = (3e-4, 0.6), 32  # of the record
 NEAR_STEP, NEAR_STEPS = 0.02, 14  # logarithm: about the best of them
 OFFSET_DEGC = 1.0  # prior
 GAIN = 0.02
@@ -75,8 +75,10 @@ def examine(blocks: Blocks) -> Thermometer | None:
 
 def join(rate: Diagnosis, thermometer: Thermometer | None) -> Diagnosis:
     """The rate's diagnosis with what the thermometer shows by itself."""
-    if thermometer is None or not thermometer.found:
+    if thermometer is None:
         return rate
+    if not thermometer.found:
+        return _unexplained(rate, thermometer) if thermometer.probability.get((OTHER,), 0.0) >= SURE else rate
     named = thermometer.found
     hypotheses = _united(rate, thermometer)
     effects = [EffectFound(id=e.id, stage=e.stage, confidence=_marginal(hypotheses, e.id), parameters=e.parameters, share=e.share) for e in rate.effects]
@@ -92,6 +94,18 @@ def join(rate: Diagnosis, thermometer: Thermometer | None) -> Diagnosis:
         "where": shown if silent else [*(w.model_copy(update={"share": 0.5 * w.share}) for w in rate.where), *(w.model_copy(update={"share": 0.5 * w.share}) for w in shown)],
         "shrink": rate.shrink.model_copy(update={"channels": [*rate.shrink.channels, _shrink(thermometer)]}),
         "next_experiment": None if silent else rate.next_experiment})
+
+
+def _unexplained(rate: Diagnosis, thermometer: Thermometer) -> Diagnosis:
+    """The thermometer is off, and not by a lag, an offset or a gain."""
+    region = Region(variable="time", start=thermometer.region[0], stop=thermometer.region[1], unit="s")
+    shown = Where(stage="temperature", channel=CHANNEL, component="temperature", share=1.0 if not rate.where else 0.5, region=region, size=thermometer.before,
+                  unit=UNIT, ratio_over_floor=thermometer.before / thermometer.floor)
+    return rate.model_copy(update={
+        "verdict": "unknown", "hypotheses": _united(rate, thermometer), "alternatives": [],
+        "effects": [e.model_copy(update={"confidence": _marginal(_united(rate, thermometer), e.id)}) for e in rate.effects],
+        "sentence": f"{rate.sentence} Against the shell's own temperature the thermometer is off by {thermometer.before:.3g} degC rms, and neither lag, offset nor gain explain it.",
+        "where": [*(w.model_copy(update={"share": 0.5 * w.share}) for w in rate.where), shown]})
 
 
 def _design(blocks: Blocks, difference: np.ndarray) -> Design:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wineglass import __version__
-from wineglass.diagnosis import bayes, experiments, gap, output_noise, parameters, thermometer
+from wineglass.diagnosis import bayes, digits, experiments, gap, output_noise, parameters, thermometer
 from wineglass.diagnosis.blocks import STEADY_DEGC, make_blocks
 from wineglass.diagnosis.contract import (ChannelShrink, Diagnosis, EffectFound, Hypothesis, NextExperiment, Provenance, Region, Shrink,
                                           TotalShrink, Where)
@@ -21,6 +21,7 @@ UNIT = "rad/s"
 ATTRIBUTED_LEFT = 0.15  # a single explanation must do better, where what it leaves is no noise
 LEAST_SPAN_DEGC = 5.0
 UNKNOWN_ABOVE = 0.8
+STILL_PROBABLE = 0.2
 LISTED_ABOVE = 0.15  # that it is something else is then one of the explanations
 UNKNOWN_LEFT = 0.4  # of the gap: when more than that stays and is no noise, the verdict is unknown
 LEAST_REMOVED = 0.1  # of the held-out gap
@@ -44,11 +45,11 @@ def decide(found: Analysis) -> Outcome:
         return Outcome("insufficient", [], missing) if missing else Outcome("no_gap", [])
     probability = found.posterior.probability
     named = found.alternatives
-    if not named or probability[(OTHER,)] > UNKNOWN_ABOVE:
+    if probability[(OTHER,)] > UNKNOWN_ABOVE:
         return Outcome("unknown", [])
     doubtful = found.posterior.remainder > 0.5
-    if _unsupported(found, named):
-        return Outcome("unknown", [])
+    if not named or _unsupported(found, named):
+        return _unsettled(found)
     if doubtful and found.share_left > UNKNOWN_LEFT:
         return Outcome("unknown", named[:1])
     if _poor(found):
@@ -66,6 +67,14 @@ def decide(found: Analysis) -> Outcome:
     rivals = [ids for ids in probability if ids not in ((NONE,), named[0]) and not set(named[0]) <= set(ids)]
     rival = max(rivals, key=lambda ids: probability[ids], default=(OTHER,))
     return Outcome("ambiguous", [named[0], rival])
+
+
+def _unsettled(found: Analysis) -> Outcome:
+    """Held-out data support no explanation: what stays probable all the same is listed beside something else."""
+    probable = [ids for ids in found.posterior.explanations if found.posterior.probability[ids] >= STILL_PROBABLE]
+    if not probable or found.posterior.other > max(found.posterior.probability[ids] for ids in probable) + STILL_PROBABLE:
+        return Outcome("unknown", [])
+    return Outcome("ambiguous", [*probable, (OTHER,)])
 
 
 def _earned(found: Analysis, ids: tuple[str, ...]) -> bool:
@@ -258,12 +267,16 @@ def _next(found: Analysis, outcome: Outcome) -> NextExperiment | None:
 
 
 def _notes(found: Analysis, outcome: Outcome) -> list[str]:
+    evidence = found.blocks.evidence
     notes = [f"before, after and floor are rms of block means; they are computed by the {COMPUTED_BY}"]
     if not found.design.calibrated:
         notes.append("without calibration a static error (cross_damping up to the cubic, thermometer_error) is absorbed by the fitted curve and cannot be seen")
-    if found.blocks.evidence.noise is None:
+    if evidence.expected is None:
+        notes += digits.notes(evidence.temperature_degc if evidence.measured_degc is None else evidence.measured_degc, evidence.rate_rad_s,
+                              found.blocks.sample_noise_rad_s)
+    if evidence.noise is None:
         notes.append("the device's noise is not described: excess_noise cannot be seen, flicker_noise only above the noise of one sample")
-    if found.blocks.evidence.true_rate_rad_s is None:
+    if evidence.true_rate_rad_s is None:
         notes.append("no true rate: the gyro is taken to stand still; coriolis_gain and rate_reference cannot be seen")
     if found.posterior.remainder > 0.5 and outcome.verdict in ("attributed", "ambiguous"):
         rest = gap.rms(found.after[found.split.held]) / found.floor.rms

@@ -121,7 +121,8 @@ def _alike_at_rate_level(found: Analysis, diagnosis: Diagnosis) -> Alikeness | N
     nominal = found.design.matrix[:, list(found.design.statics[0])]
     signals = []
     for name in names:
-        holder = next(tuple(ids) for ids in [*diagnosis.alternatives, *(h.ids for h in diagnosis.hypotheses)] if name in ids)
+        sets = [tuple(ids) for ids in [*diagnosis.alternatives, *(h.ids for h in diagnosis.hypotheses), [name]] if name in ids]
+        holder = next(ids for ids in sets if ids in found.scores.supports)  # others have effects that noise or the thermometer showed
         mixture = bayes.fits(found.design, found.scores, found.blocks.white_rad_s, holder, np.arange(len(found.blocks)), 0.05)
         signal = parameters.contribution(found.design, mixture, name)
         if nominal.shape[1]:
