@@ -194,13 +194,14 @@ def softening_of(none: Explained, best: Explained) -> np.ndarray:
     return 1.0 + FORM**2 * np.maximum(0.0, none.left - best.left)
 
 
-def held_out(products: Products, softening: np.ndarray, places: list[int]) -> np.ndarray:
-    """(folds, channels): energy left in each fold when `places` are fitted on the others."""
+def held_out(products: Products, softening: np.ndarray, places: list[int], limit: float | None = None) -> np.ndarray:
+    """(folds, channels): energy left in each fold when `places` are fitted on the others. limit: none may be further from its prior's middle."""
     left = np.empty(products.gram.shape[:2])
     for fold in range(FOLDS):
         gram = products.pooled(softening, [f for f in range(FOLDS) if f != fold])
         combination = np.zeros(products.count + 1)
-        combination[places] = -posterior_mean(gram, places)[0]
+        fitted = posterior_mean(gram, places)[0] if limit is None else within(gram, places, -products.about[places], limit)
+        combination[places] = -fitted
         combination[-1] = 1.0
         left[fold] = np.einsum("cij,i,j->c", products.gram[fold], combination, combination)
     return left

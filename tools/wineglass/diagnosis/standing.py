@@ -84,11 +84,12 @@ def roughly(standing: Standing, setting: Judged) -> Standing:
 
 
 def energy_left(standing: Standing, setting: Judged, frames: Frames) -> np.ndarray:
-    """(channels,): per frame, in floors, once the last linear step is taken, too."""
+    """(channels,): per frame, in floors, once the last linear step within the tolerances is taken, too."""
     built = setting.system(standing.bench, frames)
     table, _ = _linear(standing, setting, built)
-    fitted = explain.explained(table, np.ones(len(built.names)), table.count, [], (), 0.0)
-    return fitted.left / np.maximum(built.n_rows, 1)
+    change = explain.within(table.pooled(np.ones(len(built.names))), list(range(table.count)), -table.about, FARTHEST)
+    combination = np.append(-change, 1.0)
+    return np.einsum("fcij,i,j->c", table.gram, combination, combination) / np.maximum(built.n_rows, 1)
 
 
 def exactly(standing: Standing, setting: Judged) -> tuple[Standing, Frames]:

@@ -21,6 +21,7 @@ from wineglass.diagnosis.floors import Floor
 from wineglass.diagnosis.responses import Bench, Responses
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.system import System
+from wineglass.diagnosis.unit import FARTHEST
 from wineglass.recording import Recording
 from wineglass.scenario import Run
 
@@ -100,7 +101,7 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
         base = standing.without_effects(there, frames)
         look = _look(there.bench, base, setting, without, advance, (best, there))
     bench, found, table, none, closed, softening = look.bench, look.found, look.table, look.none, look.closed, look.softening
-    held_none = explain.held_out(table, softening, list(found.nuisances))
+    held_none = explain.held_out(table, softening, list(found.nuisances), FARTHEST)
     _hold_out(closed, held_none, softening)
     bench.driven = replace(bench.driven, run=Run(bench.driven.run.scenario, driven.run.device, bench.unit.device))
     return TwinAnalysis(bench.driven, grid, recorded, base, _picked(floor, pick), pick, bench, found, look.system, table, none, closed, softening, held_none)
