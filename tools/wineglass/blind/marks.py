@@ -83,7 +83,7 @@ def mark(label: dict[str, Any], answer: dict[str, Any]) -> Mark:
         **common, verdict=found["verdict"], claims=claims, in_set=any(one in claims for one in accepted - twins), unique_wrong=_wrong_alone(claims, accepted),
         flagged=found["verdict"] == "unknown", place=place, place_right=place in stages_of(sheet), confidence=probabilities[best], right=best in accepted,
         brier=brier(probabilities, max(accepted - twins, key=lambda ids: (probabilities.get(ids, 0.0), ids == truth))), removed=found["shrink"]["all"]["fraction"], residual=_residual(found), best=best, sentence=found["sentence"],
-        covered=tuple(equivalents.covered(sheet.effects[0], found["effects"])) if sheet.tier == "single" else ())
+        covered=tuple(equivalents.covered(sheet.effects[0], found["effects"], equivalents.Day(sheet, label.get("unit", {})))) if sheet.tier == "single" else ())
 
 
 def _wrong_alone(claims: tuple[frozenset[str], ...], accepted: set[frozenset[str]]) -> bool:
