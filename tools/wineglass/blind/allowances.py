@@ -67,7 +67,7 @@ def _keep(found: Allowance, folder: Path, name: str) -> None:
             shutil.move(str(half), folder / name)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=12)
 def of_kind(folder: str, name: str, healthy: str) -> Allowance:
     """From the folder; a process that does not see it finds out for itself. healthy: the sheet of the kind as JSON."""
     path = Path(folder) / name
