@@ -36,6 +36,7 @@ EXPLAINED, UNLIKELY = 2.0, 2.9  # times the noise of a block's mean that a unit 
 SURE = 10.0  # times the least squares that the best lag leaves: another one leaves more than that, or there is none
 REACH = 10.0  # of an effect's typical size: what it may have at most, and half as much again is no surprise
 NUDGE = 0.1  # standard deviations
+GAIN = "resonator.angular_gain"
 SETTLED_DECAYS = 8.0
 LONGEST_SETTLING = 0.02  # of the record: the twin follows what is slower
 LOCK_S = 1.0
@@ -166,9 +167,9 @@ def _unit(bench: _Bench, recorded: np.ndarray, use: np.ndarray) -> Unit:
         noise = float(np.std(off)) + 1e-15
         for _ in range(4):
             tied = np.vstack([slopes / noise, np.eye(slopes.shape[1])])
-            change = np.linalg.lstsq(tied, np.concatenate([off / noise, -unit.off]), rcond=None)[0]
+            change = np.linalg.lstsq(tied, np.concatenate([off / noise, -unit.off, np.zeros(slopes.shape[1] - len(unit.off))]), rcond=None)[0]
             noise = left = float(np.sqrt(np.mean((off - slopes @ change) ** 2))) + 1e-15
-        moved = unit.toward(change)
+        moved = unit.toward(change[: len(unit.off)])
         if float(np.max(np.abs(moved.off - unit.off))) < 0.02:
             break
         unit = moved
@@ -176,13 +177,18 @@ def _unit(bench: _Bench, recorded: np.ndarray, use: np.ndarray) -> Unit:
 
 
 def _uncertain(bench: _Bench, unit: Unit, rate: np.ndarray) -> np.ndarray:
-    """(n, k): per standard deviation, about the unit."""
+    """(n, k): per standard deviation, about the unit; last, what the unit cannot move to both sides."""
     columns = []
     for index in range(len(unit.uncertain)):
         try:
             columns.append((bench.rate(truth=unit.nudged(index, NUDGE)) - rate) / NUDGE)
         except BadInput:
             columns.append((rate - bench.rate(truth=unit.nudged(index, -NUDGE))) / NUDGE)
+    gain = unit.device.tolerance.get(GAIN)
+    if gain is not None and GAIN not in {item.path for item in unit.uncertain}:  # no shell has more than its nominal
+        described = unit.device.resonator.angular_gain
+        step = float(gain.absolute) if isinstance(gain.absolute, float) else described * float(gain.relative or 0.0)
+        columns.append((rate - bench.rate(truth=unit.device.override({GAIN: described - NUDGE * step}))) / NUDGE)
     return np.array(columns).reshape(len(columns), len(rate)).T
 
 

@@ -37,13 +37,11 @@ class Seen:
 
 
 def seen(noise: NoiseEvidence) -> Seen | None:
-    """None where nothing is to be seen."""
+    """None where nothing is to be seen, or nothing that fits an effect: from the rate alone that is too little for a gap."""
     found = tuple(name for name in noise.named if name in EFFECTS)
-    if not noise.named:
+    if not found:
         return None
     doubt = UNFITTING_DOUBT if OTHER in noise.named else DOUBT
-    if not found:
-        return Seen({(OTHER,): 1.0}, noise)
     weights: dict[Ids, float] = {found: FAVOURED}
     for place, name in enumerate(found):
         for rival in LOOK_ALIKE.get(name, ()):
@@ -56,7 +54,8 @@ def seen(noise: NoiseEvidence) -> Seen | None:
 def join(rate: Diagnosis, noise: NoiseEvidence) -> Diagnosis:
     what = seen(noise)
     if what is None:
-        return rate
+        risen = ["the output's spectrum is above the described floor in a way that fits no effect"] if noise.named else []
+        return rate.model_copy(update={"notes": [*rate.notes, *risen]})
     hypotheses = _united(rate, what)
     silent = rate.verdict in ("no_gap", "insufficient")
     sets = _sets(rate, what, silent)
@@ -93,12 +92,12 @@ def _sets(rate: Diagnosis, what: Seen, silent: bool) -> list[Ids]:
         beside = [tuple(ids) for ids in rate.alternatives]
     else:
         beside = [tuple(e.id for e in rate.effects) or (OTHER,)]
-    united = [frozenset(a) | frozenset(b) for b in what.sets or [(OTHER,)] for a in beside]
+    united = [frozenset(a) | frozenset(b) for b in what.sets for a in beside]
     return [tuple(sorted(ids)) for ids in dict.fromkeys(united)]
 
 
 def _verdict(rate: Diagnosis, what: Seen, silent: bool, sets: list[Ids]) -> str:
-    if not what.sets or rate.verdict == "unknown":
+    if rate.verdict == "unknown":
         return "unknown"
     if len(sets) > 1 or what.probability[(OTHER,)] > DOUBT:
         sets += [] if len(sets) > 1 else [(OTHER,)]
@@ -119,13 +118,13 @@ def _effect(rate: Diagnosis, what: Seen, name: str, hypotheses: list[Hypothesis]
 def _where(rate: Diagnosis, what: Seen, share: float) -> list[Where]:
     stop = max((w.region.stop for w in rate.where), default=0.0)
     region = Region(variable="time", start=0.0, stop=stop, unit="s")
-    found = what.noise.where or [(stage_of(what.sets[0][0]) if what.sets else "pickoff", "rate", component_of(what.sets[0][0]) if what.sets else "noise", 1.0, "")]
+    found = what.noise.where or [(stage_of(what.sets[0][0]), "rate", component_of(what.sets[0][0]), 1.0, "")]
     return [Where(stage=stage, channel=channel, component=component if component in COMPONENTS else "noise", share=share / len(found), region=region, size=0.0,
                   unit="1", ratio_over_floor=ratio) for stage, channel, component, ratio, _ in found]
 
 
 def _sentence(rate: Diagnosis, what: Seen, silent: bool) -> str:
-    ways = " or ".join(" with ".join(ids) for ids in what.sets) or "something that is not in the catalogue"
+    ways = " or ".join(" with ".join(ids) for ids in what.sets)
     added = f"Noise, lines or readings of the output show more than the described device has: {ways}."
     return added if silent else f"{rate.sentence} {added}"
 

@@ -78,7 +78,8 @@ def join(rate: Diagnosis, thermometer: Thermometer | None) -> Diagnosis:
     if thermometer is None:
         return rate
     if not thermometer.found:
-        return _unexplained(rate, thermometer) if thermometer.probability.get((OTHER,), 0.0) >= SURE else rate
+        off = thermometer.probability.get((OTHER,), 0.0) >= SURE and thermometer.before > TOLERATED_DEGC
+        return _unexplained(rate, thermometer) if off else rate
     named = thermometer.found
     hypotheses = _united(rate, thermometer)
     effects = [EffectFound(id=e.id, stage=e.stage, confidence=_marginal(hypotheses, e.id), parameters=e.parameters, share=e.share) for e in rate.effects]
