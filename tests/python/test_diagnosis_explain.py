@@ -67,3 +67,30 @@ def test_generic_discrepancy_is_worth_nothing_in_noise_and_much_in_a_signal() ->
                                               np.zeros((0, 2, N))), np.ones(2), 0, [], (), 0.0)
     assert quiet.log_generic < 0.5
     assert found.log_generic > 100.0
+
+
+def test_coefficients_count_from_where_the_data_were_taken() -> None:
+    """A column that is uncertain by 1e8 floors stands at 0.8 of that; what a small one beside it holds must not be lost, nor either prior moved."""
+    rng = np.random.default_rng(SEED)
+    columns = rng.standard_normal((2, 2, N)) * np.array([1e8, 1.0])[:, None, None]
+    about, truth = np.array([0.8, 0.0]), np.array([0.8 + 2e-8, 0.3])
+    data = np.einsum("k,kcn->cn", truth - about, columns) + 0.1 * rng.standard_normal((2, N))
+    found = explain.explained(system.products(made(rng, data), columns, about), np.ones(2), 2, [], (), 0.0)
+    flat = columns.reshape(2, -1)
+    exact = np.linalg.solve(flat @ flat.T / 1e16 + np.eye(2) / 1e16, (flat @ data.ravel() - about) / 1e16)
+    assert found.coefficients - about == pytest.approx(exact, rel=1e-6)
+    assert found.coefficients[1] == pytest.approx(0.3, abs=0.1)
+
+
+def test_bounds_hold_and_the_others_make_up_for_them() -> None:
+    rng = np.random.default_rng(SEED)
+    columns = rng.standard_normal((2, 2, N))
+    columns[1] += columns[0]
+    data = 50.0 * columns[0] + rng.standard_normal((2, N))
+    gram = system.products(made(rng, data), columns).pooled(np.ones(2))
+    bounded = explain.within(gram, [0, 1], np.zeros(2), 3.0)
+    assert bounded[0] == pytest.approx(3.0)
+    rest = (data - 3.0 * columns[0]).ravel()
+    alone = np.clip(columns[1].ravel() @ rest / (columns[1].ravel() @ columns[1].ravel() + 1.0), -3.0, 3.0)
+    assert bounded[1] == pytest.approx(alone, rel=1e-6)
+    assert np.all(np.abs(explain.within(gram, [0, 1], np.zeros(2), 100.0) - explain.posterior_mean(gram, [0, 1])[0]) < 1e-12)
