@@ -133,12 +133,16 @@ def _telemetry(recording: Recording, device: Device | None, calibration: Calibra
     bands: list[Band] = []
     lines: Lines | None = None
     try:
-        if "baseband" in recording:
+        if "baseband" in recording and "drive_frequency" in recording.tap("baseband"):
             found, lines = seen.baseband()
-            low = seen.rate(noise_spectra.LOW_LENGTH_S, noise_spectra.LOW_TO_HZ, lines)
+            low: list[Band] = []
+            if noise_windows.knows_rate(recording):
+                low = seen.rate(noise_spectra.LOW_LENGTH_S, noise_spectra.LOW_TO_HZ, lines)
+            else:
+                notes.append("no true rate: a bias that wanders cannot be told from a base that turns")
             bands = [*noise_spectra.without_low(found, noise_spectra.LOW_TO_HZ), *low]
         else:
-            notes.append("no baseband: only the rate's own spectrum can be looked at, and no axis told from the other")
+            notes.append("no baseband with the drive's frequency: only the rate's own spectrum can be looked at, and no axis told from the other")
             lines = seen.rate_lines()
             bands = seen.rate(noise_windows.LENGTH_S, np.inf, lines)
     except (ValueError, np.linalg.LinAlgError, BadInput) as error:
@@ -397,7 +401,8 @@ class _Looks:
         raw = ["raw codes"] if self.raw is not None and self.raw.bursts else []
         firmware = (["replay"] if self.again.ok is not None else []) + (["output against baseband"] if self.output.deviations else [])
         primary = spectra if spectra and any(band.channel in PRIMARY for band in (self.spectral.bands if self.spectral is not None else [])) else []
-        return {"excess_noise": spectra + raw, "clock_jitter": primary + raw, "flicker_noise": spectra, "interference": lines + raw, "vibration": lines,
+        rate = spectra if spectra and self.spectral is not None and any(band.channel == RATE for band in self.spectral.bands) else []
+        return {"excess_noise": spectra + raw, "clock_jitter": primary + raw, "flicker_noise": rate, "interference": lines + raw, "vibration": lines,
                 "dropped_samples": ["phase jumps"] if self.events is not None else [], "thermometer_quantisation": ["readings"] if self.steps else [],
                 "adc_saturation": raw, "adc_nonlinearity": raw, "firmware_mismatch": firmware}
 

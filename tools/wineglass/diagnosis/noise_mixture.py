@@ -40,27 +40,25 @@ class Mixture:
 
     def log_evidence(self, answers: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
         """answers: (m, n); low, high: range of each shape's strength squared, (m,)"""
+        seen = np.array([self._least_seen(*item) for item in zip(answers, low, high, strict=True)])
+        unseen = np.log(np.log(seen / low) / np.log(high / low))
         scores = []
         for size in range(len(answers) + 1):
             for chosen in combinations(range(len(answers)), size):
                 active = list(chosen)
-                unseen = [self._log_unseen(answers[j], low[j], high[j]) for j in range(len(answers)) if j not in chosen]
                 key = tuple((answers[j].tobytes(), low[j], high[j]) for j in active)
                 if key not in self._known:
-                    self._known[key] = self._laplace(answers[active], low[active], high[active])
-                scores.append(self._known[key] + sum(unseen))
+                    self._known[key] = self._laplace(answers[active], seen[active], high[active], np.log(high / low)[active])
+                scores.append(self._known[key] + float(np.sum(unseen)) - float(np.sum(unseen[active])))
         return float(logsumexp(scores))
 
-    def _log_unseen(self, answer: np.ndarray, low: float, high: float) -> float:
-        """Log of the part of a strength's range that is too weak to be seen."""
-        floor = self.noise + self.steps
-        information = float(np.sum(self.shape * (answer / floor) ** 2))
-        part = math.log(1.0 / math.sqrt(max(information, 1e-300)) / low) / math.log(high / low)
-        return math.log(min(0.9, max(0.02, part)))
+    def _least_seen(self, answer: np.ndarray, low: float, high: float) -> float:
+        """Strength squared below which it would not be seen, within the range."""
+        information = float(np.sum(self.shape * (answer / (self.noise + self.steps)) ** 2))
+        return min(max(1.0 / math.sqrt(max(information, 1e-300)), low**0.98 * high**0.02), low**0.1 * high**0.9)
 
-    def _laplace(self, answers: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
-        """All of the shapes at work: mean over the nodes of wander."""
-        ranges = np.log(high / low)
+    def _laplace(self, answers: np.ndarray, low: np.ndarray, high: np.ndarray, ranges: np.ndarray) -> float:
+        """All of the shapes at work, from where they are seen: mean over the nodes of wander. ranges: of log strengths squared, the unseen part included."""
         theta = self._started(answers, low, high)
         for _ in range(ROUNDS):
             gradient, information = self._derivatives(theta, answers, ranges)

@@ -22,6 +22,7 @@ TAPERS = 2
 KEPT = 0.75
 LEAST_WINDOWS = 4
 IMAGE_FROM_HZ = 3.0
+SMOOTH_S = 0.2
 _BAD = int(Status.TEST_ACTIVE | Status.OVERFLOW | Status.REBALANCE_SATURATED | Status.ACQUIRING | Status.DRIVE_SATURATED)
 
 
@@ -156,10 +157,25 @@ def _usable(recording: Recording, tap: Tap, calibration: Calibration | None) -> 
     usable &= ~_after(tap.time_s, moments, 1.0 / tap.sample_rate_hz, settle_s)
     for begin, end in foreign_spans(recording, calibration) if calibration is not None else []:
         usable &= (tap.time_s < begin) | (tap.time_s > end)
-    if "reference" in recording and "true_rate" in recording.tap("reference"):
+    if knows_rate(recording):
         reference = recording.tap("reference")
-        usable &= ~_after(tap.time_s, _moving_s(reference), 1.0 / reference.sample_rate_hz, settle_s)
+        usable &= ~_after(tap.time_s, _moving_s(reference, reference["true_rate"]), 1.0 / reference.sample_rate_hz, settle_s)
+    elif "output" in recording and "rate" in recording.tap("output"):
+        output = recording.tap("output")
+        usable &= ~_after(tap.time_s, _moving_s(output, _smooth(output["rate"], output.sample_rate_hz)), SMOOTH_S, settle_s)
     return usable
+
+
+def knows_rate(recording: Recording) -> bool:
+    return "reference" in recording and "true_rate" in recording.tap("reference")
+
+
+def _smooth(values: np.ndarray, rate_hz: float) -> np.ndarray:
+    """Means (n,) over SMOOTH_S, where the noise of single samples would hide a slow turn."""
+    length = max(1, round(SMOOTH_S * rate_hz))
+    sound = np.isfinite(values)
+    filled = np.interp(np.arange(len(values)), np.flatnonzero(sound), values[sound]) if sound.any() else np.zeros(len(values))
+    return np.convolve(filled, np.full(length, 1.0 / length), "same")
 
 
 def _after(time_s: np.ndarray, moments_s: np.ndarray, before_s: float, after_s: float) -> np.ndarray:
@@ -171,13 +187,13 @@ def _after(time_s: np.ndarray, moments_s: np.ndarray, before_s: float, after_s: 
     return np.asarray((last >= 0) & (time_s - moments[np.maximum(last, 0)] <= after_s))
 
 
-def _moving_s(reference: Tap) -> np.ndarray:
-    """Instants at which the table moves: its rate leaves the noise that it has most of the time."""
-    rate = np.where(reference.lost, np.nan, reference["true_rate"])
+def _moving_s(tap: Tap, rate: np.ndarray) -> np.ndarray:
+    """Instants at which the table moves: its rate (n,) leaves the noise that it has most of the time."""
+    rate = np.where(tap.lost, np.nan, rate)
     steps = np.abs(np.diff(rate, prepend=rate[0]))
     noise = np.nanmedian(steps)
     largest = np.nanmax(np.abs(rate), initial=0.0)
-    return np.asarray(reference.time_s[np.nan_to_num(steps, nan=np.inf) > 8.0 * noise + 1e-6 * largest])
+    return np.asarray(tap.time_s[np.nan_to_num(steps, nan=np.inf) > 8.0 * noise + 1e-6 * largest])
 
 
 def _amplitudes(recording: Recording, tap: Tap, starts: np.ndarray) -> np.ndarray:
