@@ -6,7 +6,7 @@ and one more row of knowledge about it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -23,6 +23,7 @@ SLOW = 0.4  # share of what the linear system promised that a good step keeps; a
 ENOUGH = 0.3  # nats promised: then it is closed
 NEGLIGIBLE = 1e-4  # of a prior's spread
 SHAPE_STEP, STRENGTH_STEP = 0.05, 0.005
+MOMENT_S = 2.0  # about the moment that a linear pass found
 
 
 @dataclass(frozen=True)
@@ -117,8 +118,40 @@ class Closer:
         self._factor = cho_factor(self._gram + np.eye(len(self.nuisance)))
 
     def close(self, start: Explained) -> Closed:
-        unknowns, jacobian = _begin(self.bench, self.responses, self.pick, start)
+        unknowns, jacobian = _begin(self.bench, self.responses, self.pick, self._timed(start))
         return self._search(start.support, start.variants, unknowns, np.array([u.start for u in unknowns]), jacobian)
+
+    def _timed(self, start: Explained) -> Explained:
+        """What happens at a moment, at the best one between its neighbours' in the linear pass: a response that begins later is the same, cut off."""
+        able = [v for v in start.variants if "time_s" in v.shapes and not any(v.shapes[name] for name in v.shapes if name != "time_s")]
+        if len(start.variants) != 1 or not able:
+            return start
+        rivals = sorted((v for v in self.responses.variants[able[0].effect] if set(v.shapes) == set(able[0].shapes)
+                         and all(v.shapes[name] == 0.0 for name in v.shapes if name != "time_s")), key=lambda v: v.shapes["time_s"])
+        here, time_s = rivals.index(able[0]), self.bench.grid.time_s - 0.5 * self.bench.grid.frame_s
+        best = (0.0, able[0], able[0].shapes["time_s"], 0.0)
+        for place in range(max(0, here - 1), here + 1):
+            until = rivals[place + 1].shapes["time_s"] if place + 1 < len(rivals) else time_s[-1]
+            column = self.responses.values[rivals[place].columns[0]][self.pick]
+            for moment in time_s[(time_s >= rivals[place].shapes["time_s"]) & (time_s < until)]:
+                gain, size = self._gain(column * (time_s >= moment))
+                best = max(best, (gain, rivals[place], float(moment), size), key=lambda found: found[0])
+        if best[0] == 0.0:
+            return start
+        scale = self.responses.columns[best[1].columns[0]].scale
+        moved = replace(best[1], shapes={**best[1].shapes, "time_s": best[2]})
+        coefficients = np.append(start.coefficients[: len(self.responses.nuisances)], best[3] / scale)
+        return replace(start, variants=(moved,), coefficients=coefficients)
+
+    def _gain(self, column: np.ndarray) -> tuple[float, float]:
+        """Nats that a column (channels, n) alone gains, what is uncertain moving along, and its coefficient."""
+        white = self.system.whiten(column).ravel()
+        along = self._flat @ white
+        behind = cho_solve(self._factor, along)
+        left = self.system.data.ravel()
+        size = float(white @ white - along @ behind)
+        match = float(white @ left - behind @ (self._flat @ left - self.ground.centre))
+        return (0.5 * match**2 / size, match / size) if size > 0.0 else (0.0, 0.0)
 
     def resume(self, support: Support, variants: tuple[Variant, ...], unknowns: list[Unknown], values: np.ndarray, jacobian: np.ndarray) -> Closed:
         """Closed from these values, where the Jacobian is known."""
@@ -314,7 +347,7 @@ def _polar_start(responses: Responses, variant: Variant, coefficients: dict[int,
 
 def _shape(effect: str, name: str, value: float) -> Unknown:
     record = _parameter(effect, name)
-    spread = max(abs(value), 0.1 * abs(record.typical), 1e-6)
+    spread = MOMENT_S if name == "time_s" else max(abs(value), 0.1 * abs(record.typical), 1e-6)
     return Unknown(effect, name, "shape", value, value, spread, record.low, record.high)
 
 
