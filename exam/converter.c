@@ -59,7 +59,8 @@ void exam_convert(struct exam *exam, const double *q)
     additions(exam, q, seen);
     remember(exam, q, seen);
     for (int channel = 0; channel < 2; channel++) {
-        double noise = q[EXAM_NOISE_1 + channel] * exam_normal(&exam->noise[channel], &exam->ziggurat);
+        double size = q[EXAM_NOISE_1 + channel];
+        double noise = size > 0.0 ? size * exam_normal(&exam->noise[channel], &exam->ziggurat) : 0.0;
         exam->codes[channel] = to_code(exam, exam_curve_apply(&exam->adc[channel], seen[channel] + noise), exam->cfg.quantum[channel]);
     }
 }

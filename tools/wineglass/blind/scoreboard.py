@@ -32,6 +32,8 @@ def render(scores: dict[str, Any], main: str) -> str:
 def limit(line: dict[str, Any]) -> str:
     """A bar in words."""
     is_share = isinstance(line["measured"], dict)
+    if line["protocol"] == "all":
+        return f"{'above' if line['at_least'] else 'below'} {100 * line['limit']:.3g} %" if is_share else f"below {line['limit']:.3g}"
     return f"at {'least' if line['at_least'] else 'most'} {100 * line['limit']:.3g} %" if is_share else f"at {'least' if line['at_least'] else 'most'} {line['limit']:.3g}"
 
 

@@ -17,6 +17,7 @@ from wineglass.blind.folders import Folders
 from wineglass.blind.scheduling import Spread
 from wineglass.blind.sheet import Sheet
 from wineglass.diagnosis.vocabulary import stage_of
+from wineglass.errors import BadInput
 
 TABLE = "features.npz"
 SURE = 0.5  # an explanation with this weight stands alone; below, all within a third of the best are named
@@ -28,6 +29,7 @@ def run(folders: Folders, taught_by: Folders, spread: Spread, advance: Callable[
     sheets = [Sheet.model_validate(labels[name]["sheet"]) for name in sorted(labels)]
     learned = training.learn(table(taught_by, spread, advance), sheets)
     rows, digests = table(folders, spread, advance), sealing.check_recordings(folders.recordings)
+    _need_apart(sealing.manifest(taught_by.recordings), digests, taught_by)
     groups = _groups(folders, learned)
     state = running.code_state()
     answerers = engines.baselines(learned)
@@ -63,6 +65,13 @@ def table(folders: Folders, spread: Spread, advance: Callable[[int], None]) -> n
     with atomic_path(path) as temporary:
         np.savez(temporary, rows=rows, seal=seal)
     return rows
+
+
+def _need_apart(taught_by: dict[str, dict[str, str]], asked: dict[str, dict[str, str]], folders: Folders) -> None:
+    """What is asked must not have been taught."""
+    shared = {one["recording"] for one in taught_by.values()} & {one["recording"] for one in asked.values()}
+    if shared:
+        raise BadInput(f"shares {len(shared)} recordings with the exam", folders.root, "make a set with another seed to learn from")
 
 
 def _groups(folders: Folders, learned: training.Training) -> dict[str, str]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from wineglass.blind.generator.case import Case
 from wineglass.blind.generator.making import describe, make
-from wineglass.blind.generator.oracle import ChannelGrade, Grade, Measured, beyond, measured, white_power
+from wineglass.blind.generator.oracle import MEDIAN_OF_SQUARE, SEEN_THROUGH, ChannelGrade, Grade, Measured, beyond, measured, white_power
 from wineglass.blind.generator.unit import FARTHEST, Nudge, at, nudges
 
 NOISE_SEED = 20
@@ -25,8 +25,10 @@ NOISE = "electronics.adc.snr_db"
 QUIET = {NOISE: 0.0, "electronics.adc.bits": 32, "electronics.dac.bits": 32, "electronics.thermometer.noise_degc": 0.0,
          "electronics.thermometer.lsb_degc": 2.0**-16}
 CLOSER = 2  # times that the lines are laid anew
-CERTAIN = 4.0, 1000.0  # below and above, it makes no difference
-FAINTEST = 1e-24  # power of noise that is none
+CERTAIN = 4.0, 300.0  # below and above, it makes no difference
+DECIDED = 10.0  # SNR of one effect from which on that of all together is not asked for
+NEAR = 0.2  # standard deviations: lines do not bend over less
+FAINTEST = 1e-12  # power of noise that is none, of the white one
 NOISE_LIKE = ("excess_noise", "clock_jitter")
 """Effects that make noise: what they do is looked for in the noise's power, too."""
 
@@ -116,12 +118,25 @@ class Whitening:
         return means / self._slow(name), ((blocks - means[:, None]) / np.sqrt(self._white[name])).ravel()
 
     def _slow(self, name: str) -> float:
-        """Noise of a mean."""
-        return float(np.sqrt(self._white[name] / self._like.per_mean[name] + self._like.floor[name] ** 2))
+        """Noise of a mean, rms: of the recorded noise, which need not be white (a rebalance force's is blue), and the described floor."""
+        return float(np.sqrt(max(self._means[name], FAINTEST * self._white[name]) + self._like.floor[name] ** 2))
+
+    @cached_property
+    def _means(self) -> dict[str, float]:
+        """Power of the means of what the noise adds; of the reference, of the device's channel that it is seen through."""
+        return {name: self._power_of_means(SEEN_THROUGH.get(name, name)) for name in self._like.values}
+
+    def _power_of_means(self, name: str) -> float:
+        if name not in self._like.values:
+            return 0.0
+        noisy, quiet, per = self.plain.noisy.values[name], self._like.values[name], self._like.per_mean[name]  # type: ignore[union-attr]
+        count = min(len(noisy), len(quiet)) // per
+        steps = np.diff(np.nan_to_num(noisy[:count * per] - quiet[:count * per]).reshape(count, per).mean(axis=1))
+        return float(np.median(steps**2)) / MEDIAN_OF_SQUARE / 2.0 if len(steps) else 0.0
 
     def _louder(self, name: str, changed: Measured | None, base: Measured | None) -> float:
         """Change of the noise's logarithm over what chance makes of it."""
-        if changed is None or base is None or name not in changed.values or self._white[name] <= FAINTEST:
+        if changed is None or base is None or name not in changed.values or self._white[name] <= 1e-24:
             return 0.0
         powers = [max(white_power(one.values[name]), 1e-6 * self._white[name]) for one in (changed, base)]
         return float(np.log(powers[0] / powers[1]) / np.sqrt(8.0 / len(self._like.values[name])))
@@ -165,9 +180,10 @@ class Allowance:
         at = np.zeros(len(self.names))
         found = self.explained(changed, base({}), at)
         for _ in range(CLOSER):
-            if not CERTAIN[0] < found[1].snr < CERTAIN[1]:
+            to = np.clip(found[0], -FARTHEST, FARTHEST)
+            if not CERTAIN[0] < found[1].snr < CERTAIN[1] or np.linalg.norm(to - at) < NEAR:
                 break
-            at = np.clip(found[0], -FARTHEST, FARTHEST)
+            at = to
             again = self.explained(changed, base(dict(zip(self.names, at, strict=True))), at)
             if again[1].snr >= found[1].snr:
                 break
@@ -176,7 +192,7 @@ class Allowance:
 
 
 def graded(case: Case, calibration: Callable[[Case], bytes], allowance: Allowance, folder: Path) -> tuple[Grade, list[Grade]]:
-    """Of all effects of the case together, and of each beside those before it. calibration: the block of a case's device"""
+    """Of all effects of the case together (or of the largest, where one is enough), and of each beside those before it. calibration: the block of a case's device"""
     plain, scratch = allowance.whitening.plain, folder / "allowance.h5"
 
     def runs(count: int, off: dict[str, float], noisy: bool) -> Runs:
@@ -193,8 +209,9 @@ def graded(case: Case, calibration: Callable[[Case], bytes], allowance: Allowanc
         changed = steps[count] if noisy else Runs(steps[count].quiet)
         return allowance.grade(changed, lambda off: runs(before, off, noisy and before > 0) if off else steps[before])
 
-    total = grade(whole, 0)
-    return total, [total] if whole == 1 else [grade(count, count - 1) for count in range(1, whole + 1)]
+    each = [grade(count, count - 1) for count in range(1, whole + 1)]
+    largest = max(each, key=lambda one: one.snr)
+    return (largest if whole == 1 or largest.snr > DECIDED else grade(whole, 0)), each
 
 
 def save(allowance: Allowance, folder: Path) -> None:

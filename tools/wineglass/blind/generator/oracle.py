@@ -16,6 +16,7 @@ TAPS = ("baseband", "output", "reference")
 SEEN_THROUGH = {"true_rate": "rate", "chamber_temperature": "temperature_measured", "shell_temperature": "temperature_measured"}
 SKIP = ("status", "angle", "amplitude_set_point")
 SETTLED_S = 4.0
+MEDIAN_OF_SQUARE = 0.454937  # of a normal number
 MEAN_S = 1.0  # below 1/this the described noise floors count, too
 
 
@@ -136,4 +137,4 @@ def beyond(energy: float, count: int, noise: float) -> float:
 def white_power(values: np.ndarray) -> float:
     """Power of the white part, from second differences; by their median, since steps and jumps are no noise. Lost samples (NaN) are left out."""
     second = np.diff(values[np.isfinite(values)], 2) ** 2 / 6.0
-    return float(np.median(second)) / 0.454937 if np.any(second) else 0.0
+    return float(np.median(second)) / MEDIAN_OF_SQUARE if np.any(second) else 0.0

@@ -185,10 +185,11 @@ def pickoff_tilt(world: World, strength: float) -> None:
     _add(world, "sees_primary", PPM * strength)
 
 
-@outside("chamber_stress", "mount", stage="coupling", unit="deg/h per degC", typical=6.0, imitates="thermal_gradient")
+@outside("chamber_stress", "mount", stage="coupling", unit="deg/h per degC", typical=8.0, imitates="thermal_gradient")
 def chamber_stress(world: World, strength: float) -> None:
-    """bias follows the chamber's temperature over the shell's: during ramps the same as a bias with dT/dt, but ahead of it"""
-    _bias(world, strength * (world.chamber_degc - world.shell_degc))
+    """bias follows a fixture, a quarter of the shell's time constant behind the chamber, over the shell: as with dT/dt but ahead at a ramp's ends"""
+    fixture = laws.lag(world.chamber_degc, world.block_s, 0.25 * world.truth.thermal.shell_time_constant_s)
+    _bias(world, strength * (fixture - world.shell_degc))  # the chamber's own temperature over a first-order shell's is exactly the latter's dT/dt
 
 
 @outside("self_heating", "thermometer", stage="temperature", unit="degC", typical=1.0, channels=("temperature_measured", "rate"))
