@@ -9,9 +9,11 @@ import numpy as np
 from scipy import fft
 from scipy.linalg import solve_toeplitz
 
+from wineglass import calibration_block
 from wineglass.diagnosis import channels, described_noise
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.drive import Driven
+from wineglass.diagnosis.noise_added import Added
 from wineglass.envelope import Envelope
 from wineglass.profiles import ConstantRate, ConstantTemperature
 from wineglass.scenario import Run
@@ -21,7 +23,7 @@ from wineglass.simulation import in_memory
 REST_FRAMES = 280
 LEFT_OUT_S = 4.0
 ORDER, SHORT_ORDER = 120, 4  # of the whole noise, which is slow; of what the short run shows
-DENSITIES = 1 << 14  # of a spectrum up to half the frame rate
+DENSITIES, ADDED_AT = 1 << 14, 48  # of a spectrum up to half the frame rate; of what is smooth in it
 SEED = 7
 LEAST_INNOVATION = 0.2  # of the rms: a channel that seems more predictable than that was only short
 
@@ -42,10 +44,10 @@ class Floor:
         return fft.irfft(fft.rfft(series, length) * taps, length)[..., :count]
 
 
-def at_rest(driven: Driven, grid: Grid, names: tuple[str, ...], loops: frozenset[str]) -> Floor:
+def at_rest(driven: Driven, grid: Grid, names: tuple[str, ...], loops: frozenset[str], added: Added | None = None) -> Floor:
     """The floor of `names`, from the described device standing still at its calibration temperature. Where it ran in both loops, every
-    channel counts in the loop in which it moves: `counts_in`."""
-    found = {loop: _resting(driven, grid, names, loop) for loop in loops}
+    channel counts in the loop in which it moves: `counts_in`. added: noise that this recording is known to have beside."""
+    found = {loop: _resting(driven, grid, names, loop, added) for loop in loops}
     one = next(iter(found.values()))
     if len(found) == 1:
         return one
@@ -61,7 +63,7 @@ def counts_in(name: str) -> str | None:
     return "rebalance" if name.startswith("rebalance") else None
 
 
-def _resting(driven: Driven, grid: Grid, names: tuple[str, ...], loop: str) -> Floor:
+def _resting(driven: Driven, grid: Grid, names: tuple[str, ...], loop: str, added: Added | None) -> Floor:
     run = driven.run
     held = ConstantTemperature(value_degc=run.device.resonator.reference_temperature_degc, acts_on=run.scenario.temperature.acts_on)
     resting = run.scenario.model_copy(update={
@@ -74,6 +76,10 @@ def _resting(driven: Driven, grid: Grid, names: tuple[str, ...], loop: str) -> F
         quiet = envelope.run()
     freq_hz = np.arange(1, DENSITIES + 1) / (2.0 * DENSITIES * grid.frame_s)
     slow = described_noise.densities(Run(resting, run.device, run.truth), driven, grid.frame_s, names, freq_hz)
+    if added is not None:
+        few_hz = np.geomspace(freq_hz[0], freq_hz[-1], ADDED_AT)
+        more = added.densities(run.device, calibration_block.from_binary(driven.calibration_block), loop, grid.frame_s, names, few_hz)
+        slow = slow + np.array([np.interp(freq_hz, few_hz, row) for row in more])
     return _model(frames, {name: quiet[name] for name in names}, names, _covariances(slow, grid))
 
 

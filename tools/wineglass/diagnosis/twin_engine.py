@@ -49,7 +49,7 @@ def examine(path: Path, device: str | Path | None = None, advance: Callable[[], 
         notes = soundness.check(recording, described)
         noise = noise_level.examine(recording, described)
         advance()
-        found = twin_level.analyse(recording, described, without, advance)
+        found = twin_level.analyse(recording, described, without, advance, noise)
         weighed = hypotheses.weigh(found, noise)
         source = Source(str(path), digest, recording.firmware_version or None, tuple(notes))
         verdict = twin_verdict.diagnose(found, weighed, noise, source)

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wineglass.device import Device
-from wineglass.diagnosis import channels, drive, explain, floors, responses, standing, system
+from wineglass.diagnosis import channels, drive, explain, floors, noisy, responses, standing, system
 from wineglass.diagnosis.beside import beside
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.closure import Closed, Closer
 from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.floors import Floor
+from wineglass.diagnosis.noise_level import NoiseEvidence
 from wineglass.diagnosis.responses import Bench, Responses
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.system import System
@@ -78,14 +79,20 @@ class TwinAnalysis:
 
 
 def analyse(recording: Recording, described: Device | None = None, without: frozenset[str] = frozenset(),
-            advance: Callable[[], None] = lambda: None) -> TwinAnalysis:
-    """without: effects taken out of the catalogue (for tests of honesty)."""
+            advance: Callable[[], None] = lambda: None, noise: NoiseEvidence | None = None) -> TwinAnalysis:
+    """without: effects taken out of the catalogue (for tests of honesty). noise: what spectra and events say, if they were looked at."""
     driven = driven_by(recording, described)
     grid = channels.grid_of(recording)
     recorded = channels.read(recording, grid)
+    named = frozenset(noise.named if noise is not None else ()) - without
+    added = None
+    if noise is not None and named:
+        added = noise.added(named - {noisy.FLICKER}) if named - {noisy.FLICKER} else None
+        driven = noisy.device_with(driven, noise.added(named & {noisy.FLICKER}))
+        recorded = noisy.undisturbed(recorded, driven, noise) if noisy.DROPPED in named else recorded
     bench = Bench(driven, grid, recorded.names)
     rebalancing = drive.loop_at(driven, grid.time_s)
-    floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}))
+    floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}), added)
     pick = system.chosen(bench.names, floor)
     setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid))
     there, base = standing.exactly(standing.roughly(Standing(bench), setting), setting)

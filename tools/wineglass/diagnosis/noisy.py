@@ -1,0 +1,40 @@
+"""What the noise side has named is no riddle to the slow channels: a floor as high as that noise makes it, and no frames that single events shake."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from wineglass.diagnosis.channels import Frames
+from wineglass.diagnosis.described_noise import FLAT_ALLAN
+from wineglass.diagnosis.drive import Driven
+from wineglass.diagnosis.noise_added import Added
+from wineglass.diagnosis.noise_level import NoiseEvidence
+
+FLICKER, DROPPED = "flicker_noise", "dropped_samples"
+SLOW_HZ = (0.01, 0.1)  # where a wander of the bias is compared with the described floor
+MOST_MASKED = 0.5  # of all frames; where events shake more, they are part of the noise
+
+
+def device_with(driven: Driven, added: Added) -> Driven:
+    """The device described as restless as its bias is."""
+    freq_hz = np.array(SLOW_HZ)
+    wander_rad_s = float(np.sqrt(np.max(FLAT_ALLAN * freq_hz * added.wander_psd(freq_hz))))
+    floor_rad_s = driven.run.device.noise_floor.rate_bias_instability_rad_s
+    if wander_rad_s <= floor_rad_s:
+        return driven
+    noisy = driven.run.device.override({"noise_floor.rate_bias_instability_rad_s": min(1.0, float(np.hypot(wander_rad_s, floor_rad_s)))})
+    return replace(driven, run=replace(driven.run, device=noisy))
+
+
+def undisturbed(recorded: Frames, driven: Driven, noise: NoiseEvidence) -> Frames:
+    """Frames in which a single event still shakes the shell are not used."""
+    resonator = driven.run.device.resonator
+    time_s = recorded.grid.time_s
+    shaken = np.zeros(len(time_s), bool)
+    for begin, end in noise.disturbed_s(float(resonator.decay_rate_at(resonator.reference_temperature_degc))):
+        shaken |= (time_s > begin - recorded.grid.frame_s) & (time_s < end + recorded.grid.frame_s)
+    if np.mean(shaken) > MOST_MASKED:
+        return recorded
+    return Frames(recorded.grid, recorded.names, recorded.values, recorded.use & ~shaken)
