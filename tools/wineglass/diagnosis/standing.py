@@ -27,7 +27,7 @@ QUIET = {"electronics.adc.snr_db": 0.0, "electronics.adc.bits": 32}
 """The twin without converter noise; the thermometer keeps its own, which breaks up the steps of its codes."""
 ROUGH_ROUNDS, ROUGH_GAIN = 5, 1e4  # of the envelope alone, and the nats that a round must gain
 FULL_ROUNDS, GAIN = 3, 10.0  # of the full twin, and of the envelope's moves from each
-LEAST_GAIN = 0.02  # of the energy left: less is not worth a round
+LEAST_GAIN = 0.02  # of the energy left beyond noise: less is not worth a round
 DAMPING = 10.0  # of a step, in priors: what the data say little about stays where it is
 
 
@@ -162,7 +162,7 @@ def _along(standing: Standing, pick: list[int], names: list[str], change: np.nda
 
 
 def _step(table: system.Products, built: System, fixed: list[int]) -> tuple[np.ndarray, float, float]:
-    """By how much (count,) what is uncertain should move, what moving what is not `fixed` gains, and what is left, in nats. Channels in which much
+    """By how much (count,) what is uncertain should move, what moving what is not `fixed` gains, and what is left beyond noise, in nats. Channels in which much
     more is left than noise count less."""
     softening = np.ones(len(built.names))
     for _ in range(4):
@@ -176,4 +176,5 @@ def _step(table: system.Products, built: System, fixed: list[int]) -> tuple[np.n
         change = explain.within(gram, places, -table.about[places], FARTHEST)
         part = gram[np.ix_(places, places)]
         costs.append(0.5 * float(change @ part @ change + change @ change) - float(gram[places, -1] @ change))
-    return change, costs[0] - costs[1], 0.5 * float(gram[-1, -1]) + costs[1]
+    excess = 0.5 * float(gram[-1, -1]) + costs[1] - 0.5 * float(np.sum(built.n_rows / softening))
+    return change, costs[0] - costs[1], max(0.0, excess)
