@@ -73,14 +73,16 @@ def full_twin(driven: Driven, grid: Grid, effects: Sequence[Setting] = (), truth
     return channels.read(in_memory(quiet, calibration_block=driven.calibration_block, effects=effects), grid)
 
 
-def by_envelope(standing: Standing) -> Frames:
+def roughly(standing: Standing, setting: Judged, frames: Frames | None = None) -> tuple[Standing, Frames]:
+    """By the envelope twin alone. frames: of a full twin there, as far as known; None: the envelope's own."""
     bench = standing.bench
-    return Frames(bench.grid, bench.names, standing.envelope(), np.ones_like(bench.nominal, bool))
+    frames = frames or Frames(bench.grid, bench.names, standing.envelope(), np.ones_like(bench.nominal, bool))
+    return _moved(standing, setting, frames, ROUGH_GAIN, ROUGH_ROUNDS)
 
 
-def roughly(standing: Standing, setting: Judged) -> Standing:
-    """By the envelope twin alone."""
-    return _moved(standing, setting, by_envelope(standing), ROUGH_GAIN, ROUGH_ROUNDS)[0]
+def with_effects(standing: Standing, frames: Frames) -> Frames:
+    """What the full twin would show with the effects, from its frames there without them."""
+    return _shifted(frames, standing.bench, standing.envelope() - standing.bench.nominal)
 
 
 def energy_left(standing: Standing, setting: Judged, frames: Frames) -> np.ndarray:

@@ -95,7 +95,7 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}), added)
     pick = system.chosen(bench.names, floor)
     setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid))
-    there, base = standing.exactly(standing.roughly(Standing(bench), setting), setting)
+    there, base = standing.exactly(standing.roughly(Standing(bench), setting)[0], setting)
     advance()
     followed = set[frozenset[str]]()
     if float(np.max(standing.energy_left(there, setting, base))) < QUIET_ENOUGH:
@@ -117,13 +117,15 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
 def _from_the_nominal_unit(bench: Bench, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look:
     """Where tolerances do not explain a gap they only hide its cause: singles from the described unit, each moved with the unit on the envelope twin,
     and of those the one that leaves least."""
-    first = _look(bench, standing.by_envelope(Standing(bench)), setting, without, advance, starting=True)
-    tried = [(entry, standing.roughly(Standing(bench, entry.unknowns, entry.values, entry.jacobian), setting)) for entry in first.closed[:STARTS]]
-    if not tried:
+    frames = standing.run(Standing(bench))
+    first = _look(bench, frames, setting, without, advance, starting=True)
+    if not first.closed:
         return first
-    left = [float(np.sum(standing.energy_left(there, setting, standing.by_envelope(there)))) for _, there in tried]
-    best, there = tried[int(np.argmin(left))]
-    return _look(there.bench, standing.by_envelope(Standing(there.bench)), setting, without, advance, (best, there), starting=True)
+    starts = [Standing(bench, entry.unknowns, entry.values, entry.jacobian) for entry in first.closed[:STARTS]]
+    tried = [standing.roughly(start, setting, standing.with_effects(start, frames)) for start in starts]
+    best = int(np.argmin([float(np.sum(standing.energy_left(there, setting, near))) for there, near in tried]))
+    there, near = tried[best]
+    return _look(there.bench, standing.without_effects(there, near), setting, without, advance, (first.closed[best], there), starting=True)
 
 
 @dataclass(frozen=True)
