@@ -35,3 +35,12 @@ def test_no_value_goes_further_than_tolerated() -> None:
     for _ in range(20):
         unit = unit.toward(rng.normal(0.0, 2.0, len(unit.off)))
         assert np.all(np.abs(unit.off) <= FARTHEST)
+
+
+def test_a_gain_that_can_only_be_less_is_uncertain_to_that_side() -> None:
+    unit = Unit.of(device.load("metal-fast"))
+    place = [item.path for item in unit.uncertain].index("resonator.angular_gain")
+    change = np.zeros(len(unit.off))
+    change[place] = -1.0
+    assert unit.toward(change).device.resonator.angular_gain < unit.device.resonator.angular_gain
+    assert unit.toward(-change).device == unit.device

@@ -44,11 +44,8 @@ class Unit:
         """The nominal unit, with the uncertain values that may be moved at all."""
         able = []
         for item in (i for path, tolerance in described.tolerance.items() for i in _items(described, path, tolerance)):
-            try:
-                _moved(described, [item], np.array([0.1]))
-            except BadInput:
-                continue
-            able.append(item)
+            if _possible(described, item, 0.1) or _possible(described, item, -0.1):
+                able.append(item)
         return Unit(described, tuple(able), np.zeros(len(able)))
 
     @property
@@ -58,6 +55,7 @@ class Unit:
     def at(self, off: np.ndarray) -> Unit:
         """The unit there, or as far on the way as the description allows."""
         wanted = np.clip(off, -FARTHEST, FARTHEST)
+        wanted = np.array([by if _possible(self.described, item, by) else 0.0 for item, by in zip(self.uncertain, wanted, strict=True)])
         for _ in range(12):
             try:
                 _moved(self.described, self.uncertain, wanted)
@@ -89,6 +87,15 @@ class Unit:
         off = self.off.copy()
         off[index] += by
         return _moved(self.described, self.uncertain, off)
+
+
+def _possible(described: Device, item: Uncertain, by: float) -> bool:
+    """Some values are uncertain to one side only: an angular gain is at most 2."""
+    try:
+        _moved(described, [item], np.array([by]))
+    except BadInput:
+        return False
+    return True
 
 
 def _items(device: Device, path: str, tolerance: Tolerance) -> list[Uncertain]:
