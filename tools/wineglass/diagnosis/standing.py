@@ -95,14 +95,35 @@ def energy_left(standing: Standing, setting: Judged, frames: Frames) -> np.ndarr
 
 
 def exactly(standing: Standing, setting: Judged) -> tuple[Standing, Frames]:
-    """By the full twin; its frames there, as far as the last small step is the envelope's."""
+    """By the full twin; its frames there, as far as the last small step is the envelope's. A step that the next run does not confirm is taken back."""
+    before: tuple[Standing, Frames] | None = None
+    least = np.inf
     for _ in range(FULL_ROUNDS):
         frames = run(standing)
+        cost = _cost(standing, setting, frames)
+        if before is not None and cost > least:
+            return before
+        before, least = (standing, frames), cost
         moved, frames = _moved(standing, setting, frames, GAIN, FULL_ROUNDS)
         if moved is standing:
             break
         standing = moved
     return standing, frames
+
+
+def _cost(standing: Standing, setting: Judged, frames: Frames) -> float:
+    """Half the energy left, and the priors', where the standing is: only what cannot be moved is at its best."""
+    built = setting.system(standing.bench, frames)
+    table, names = _linear(standing, setting, built)
+    gram, fixed = table.pooled(np.ones(len(built.names))), _fixed(standing, names)
+    change = explain.within(gram, fixed, -table.about[fixed], FARTHEST)
+    part = gram[np.ix_(fixed, fixed)]
+    return 0.5 * float(gram[-1, -1] + change @ part @ change + change @ change) - float(gram[fixed, -1] @ change)
+
+
+def _fixed(standing: Standing, names: list[str]) -> list[int]:
+    """What stays where it is: what wanders, and the clock of the rate table."""
+    return [i for i, name in enumerate(names) if i >= len(standing.bench.unit.off) and name != responses.SHELL]
 
 
 def run(standing: Standing) -> Frames:
@@ -132,8 +153,7 @@ def _moved(standing: Standing, setting: Judged, frames: Frames, enough: float, r
         bench = standing.bench
         built = setting.system(bench, frames)
         table, names = _linear(standing, setting, built)
-        fixed = [i for i, name in enumerate(names) if i >= len(bench.unit.off) and name != responses.SHELL]
-        change, gained, left = _step(table, built, fixed)
+        change, gained, left = _step(table, built, _fixed(standing, names))
         if gained < max(enough, LEAST_GAIN * left):
             break
         moved = _along(standing, setting.pick, names, change)
