@@ -105,13 +105,12 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     while len(followed) < LOOKS and (best := look.promising(followed)) is not None:
         there, frames = standing.exactly(Standing(look.bench, best.unknowns, best.values, best.jacobian), setting)
         followed.add(frozenset(best.support))
-        base = standing.without_effects(there, frames)
-        look = _look(there.bench, base, setting, without, advance, (best, there))
+        look = _look(there.bench, standing.without_effects(there, frames), setting, without, advance, (best, there))
     bench, found, table, none, closed, softening = look.bench, look.found, look.table, look.none, look.closed, look.softening
     held_none = explain.held_out(table, softening, list(found.nuisances), FARTHEST)
     _hold_out(closed, held_none, softening)
     bench.driven = replace(bench.driven, run=Run(bench.driven.run.scenario, driven.run.device, bench.unit.device))
-    return TwinAnalysis(bench.driven, grid, recorded, base, _picked(floor, pick), pick, bench, found, look.system, table, none, closed, softening, held_none)
+    return TwinAnalysis(bench.driven, grid, recorded, look.base, _picked(floor, pick), pick, bench, found, look.system, table, none, closed, softening, held_none)
 
 
 def _from_the_nominal_unit(bench: Bench, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look:
@@ -130,9 +129,10 @@ def _from_the_nominal_unit(bench: Bench, setting: _Setting, without: frozenset[s
 
 @dataclass(frozen=True)
 class _Look:
-    """All explanations about one bench: softening (channels,); closed: the best first."""
+    """All explanations about one bench: base: the twin's frames there without effects; softening (channels,); closed: the best first."""
 
     bench: Bench
+    base: Frames
     found: Responses
     system: System
     table: system.Products
@@ -178,7 +178,7 @@ def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str]
             closed[entry.support] = closer.close(entry)
     advance()
     weighed, softening, none = _weighed(built, _with_parts(closer, list(closed.values())), table, found, counts)
-    return _Look(bench, found, built, table, none, weighed, softening)
+    return _Look(bench, base, found, built, table, none, weighed, softening)
 
 
 @dataclass(frozen=True)
