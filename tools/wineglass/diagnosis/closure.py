@@ -238,6 +238,8 @@ class Closer:
     def _cost(self, response: np.ndarray, at: np.ndarray) -> float:
         """Half the energy left, nuisances at their best, plus the prior's."""
         left, about = (self.system.data - self.system.whiten(response)).ravel(), self.ground.centre
+        if not np.all(np.isfinite(left)):
+            return np.inf
         along = self._flat @ left - about
         return 0.5 * float(left @ left - along @ cho_solve(self._factor, along) + about @ about + at @ at)
 

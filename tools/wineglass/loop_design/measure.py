@@ -69,7 +69,12 @@ def rate_response(run: Run, calibration: Calibration, frequencies_hz: tuple[floa
     # An output stands at the first sample of its slow tick, one sample period behind the block's edge.
     moment = start + 1.0 / run.device.electronics.sample_rate_hz
     excitation = size * np.exp(1j * (_phases(len(frequency)) + 2.0 * np.pi * frequency * moment))
-    return Response(frequency, lines[bins] / (excitation * np.sinc(frequency / slow_hz)), _between(lines, bins) / size)
+    return Response(frequency, lines[bins] / (excitation * _of_tangents(frequency / slow_hz)), _between(lines, bins) / size)
+
+
+def _of_tangents(turns: np.ndarray) -> np.ndarray:
+    """How much larger a cosine is when every block follows the tangent at its middle; turns per block."""
+    return 2.0 * np.sinc(turns) - np.cos(np.pi * turns)
 
 
 def test_force_response(run: Run, calibration: Calibration, frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, progress: Progress | None = None,
@@ -151,7 +156,7 @@ class _Bench:
         return self.turn(nothing, nothing)
 
     def listen(self, middle_s: np.ndarray, frequency_hz: np.ndarray, size_rad_s: float) -> _Heard:
-        """Sum of cosines, held over each block at its middle's value, with the slope that belongs to it."""
+        """Sum of cosines: in each block the tangent at its middle."""
         angle = 2.0 * np.pi * middle_s[:, None] * frequency_hz + _phases(len(frequency_hz))
         rate = size_rad_s * np.cos(angle).sum(axis=1)
         return self.turn(rate, -size_rad_s * (2.0 * np.pi * frequency_hz * np.sin(angle)).sum(axis=1))
