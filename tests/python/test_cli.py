@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -37,6 +38,28 @@ def run(args, console):
     raise BadInput("no\\nunit", "x.csv, line 3", "add --unit rate=rad/s")
 ''',
     "interrupt": 'HELP = "h"\ndef add_arguments(p):\n    pass\ndef run(a, c):\n    raise KeyboardInterrupt\n',
+    "asks": '''
+HELP = "h"
+def add_arguments(parser):
+    parser.add_argument("--given", type=int, default=3, help="how many")
+    parser.add_argument("--none", help="what")
+    parser.add_argument("--list", action="append", default=[], help="which")
+    parser.add_argument("--said", default="x", help="who (default: as recorded)")
+def run(args, console):
+    pass
+''',
+    "waits": '''
+HELP = "h"
+def add_arguments(parser):
+    parser.add_argument("folder")
+def run(args, console):
+    import subprocess, sys
+    from pathlib import Path
+    from wineglass.atomic import atomic_path
+    with atomic_path(Path(args.folder) / "result.txt") as half:
+        half.write_text("half")
+        subprocess.run([sys.executable, "-c", "import time; print('ready', flush=True); time.sleep(60)"])
+''',
     "absent": 'HELP = "h"\ndef add_arguments(p):\n    pass\ndef run(a, c):\n    open("/no/such/file")\n',
     "buggy": 'HELP = "h"\ndef add_arguments(p):\n    pass\ndef run(a, c):\n    return 1 // 0\n',
     "broken_import": 'HELP = "still listed"\nimport no_such_module_at_all\n',
@@ -62,7 +85,7 @@ def one_error_line(capsys):
     return captured.err
 
 
-@pytest.mark.parametrize("argv", [[], ["--help"], ["-h"], ["--json", "--help"]])
+@pytest.mark.parametrize("argv", [[], ["--help"], ["-h"], ["help"], ["--json", "--help"]])
 def test_help_lists_every_command_without_importing_any(argv, capsys):
     assert cli.main(argv) == 0
     text = capsys.readouterr().out
@@ -94,10 +117,17 @@ def test_quiet_before_or_after_the_command(argv, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("argv", [["measure", "--help"], ["--help", "measure"]])
+@pytest.mark.parametrize("argv", [["measure", "--help"], ["--help", "measure"], ["help", "measure"]])
 def test_help_of_one_command(argv, capsys):
     assert cli.main(argv) == 0
     assert capsys.readouterr().out.startswith("usage: wineglass measure")
+
+
+def test_help_names_a_default_where_there_is_one_and_once(capsys):
+    assert cli.main(["asks", "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "how many (default: 3)" in text and "who (default: as recorded)" in text
+    assert text.count("default:") == 2
 
 
 def test_status_of_the_command_is_the_exit_status():
@@ -125,6 +155,21 @@ def test_bad_input_is_one_line_and_status_2(capsys):
 def test_interrupt_is_one_line_and_status_130(capsys):
     assert cli.main(["interrupt"]) == 130
     assert one_error_line(capsys) == "wineglass: interrupted\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_one_line_and_leaves_nothing(number, tmp_path):
+    """The command runs in a process of its own, with a half-written file and a child of its own."""
+    (tmp_path / "out").mkdir()
+    start = (f"import sys, wineglass.commands as c; from wineglass import cli; from pathlib import Path; c.__path__ = [{str(tmp_path)!r}]; "
+             f"cli.COMMANDS_FOLDER = Path({str(tmp_path)!r}); sys.exit(cli.main(['waits', {str(tmp_path / 'out')!r}]))")
+    process = subprocess.Popen([sys.executable, "-c", start], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                               env={**os.environ, "PYTHONPATH": str(ROOT / "tools")}, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+    assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    process.send_signal(number)
+    error = process.communicate(timeout=30)[1]  # returns when the child has closed its end too
+    assert (process.returncode, error) == (130, "wineglass: interrupted\n")
+    assert list((tmp_path / "out").iterdir()) == []
 
 
 def test_missing_file_is_one_line_and_status_2(capsys):

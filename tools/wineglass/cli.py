@@ -16,7 +16,11 @@ import ast
 import difflib
 import os
 import re
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
@@ -42,6 +46,15 @@ class Request(NamedTuple):
         return flag in self.flags or any(GLOBAL_FLAGS.get(word) == flag for word in rest)
 
 
+class HelpText(argparse.ArgumentDefaultsHelpFormatter):
+    """Defaults are named where there is one to name, once."""
+
+    def _get_help_string(self, action: argparse.Action) -> str:
+        told = action.help or ""
+        empty = action.default is None or isinstance(action.default, bool) or action.default in ("", [], ())
+        return told if empty or "default:" in told else str(super()._get_help_string(action))
+
+
 class Parser(argparse.ArgumentParser):
     """One line per mistake, exit status 2."""
 
@@ -52,7 +65,8 @@ class Parser(argparse.ArgumentParser):
 def main(argv: list[str] | None = None) -> int:
     """Runs one command; returns the exit status. Known errors are one line on stderr."""
     try:
-        return _dispatch(split(sys.argv[1:] if argv is None else argv))
+        with _termination_raised():
+            return _dispatch(split(sys.argv[1:] if argv is None else argv))
     except KeyboardInterrupt:
         return _complain("interrupted", 130, "")
     except BrokenPipeError:
@@ -68,8 +82,8 @@ def split(argv: list[str]) -> Request:
     """Separates the global flags, the command and the command's own arguments."""
     flags: set[str] = set()
     for index, word in enumerate(argv):
-        if word in GLOBAL_FLAGS:
-            flags.add(GLOBAL_FLAGS[word])
+        if word in GLOBAL_FLAGS or word == "help":
+            flags.add(GLOBAL_FLAGS.get(word, word))
         elif word.startswith("-"):
             return Request(None, frozenset(flags), [], word)
         else:
@@ -113,10 +127,23 @@ def short_help() -> str:
             "Coriolis vibratory gyro: fixed-point processor, digital twin and the tools around both.\n\n"
             f"commands:\n{listed}\n\n"
             "options, before or after the command:\n"
-            "  -h, --help   this text; after a command, that command's arguments\n"
+            "  -h, --help   this text; after a command, that command's arguments (so does: help COMMAND)\n"
             "  -q, --quiet  print errors only\n"
             "  --json       print the result as JSON\n"
             "  --version    print the version\n")
+
+
+@contextmanager
+def _termination_raised() -> Iterator[None]:
+    """SIGTERM ends a command as Ctrl-C does: half-written files go, and what it started ends with it."""
+    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _dispatch(request: Request) -> int:
@@ -138,7 +165,7 @@ def _run(request: Request) -> int:
 
     module = _load(commands()[request.command])
     parser = Parser(prog=f"{PROGRAM} {request.command}", description=module.HELP,
-                    formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+                    formatter_class=HelpText)
     module.add_arguments(parser)
     options = parser.add_argument_group("global options")
     options.add_argument("-q", "--quiet", action="store_true", default="quiet" in request.flags,
