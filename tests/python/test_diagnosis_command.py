@@ -106,6 +106,17 @@ def test_bad_tables_are_one_line_and_nothing_is_written(drifting, tmp_path, caps
     assert [p.name for p in tmp_path.iterdir()] == ["bad.csv"]
 
 
+@pytest.mark.parametrize("flags, says", [
+    (["--column", "rate=none"], "--column rate=none: no such column"),
+    (["--column", "warp=rate"], "--column warp: unknown channel"),
+    (["--unit", "none=s"], "--unit none: no such column"),
+])
+def test_a_wrong_flag_is_named_as_it_was_typed(drifting, capsys, flags, says):
+    assert main(["diagnose", str(drifting / "drift.csv"), *flags]) == 2
+    err = capsys.readouterr().err
+    assert says in err and "--map" not in err
+
+
 def recording(path, evidence, channels=("temperature_measured", "rate")):
     values = {"temperature_measured": evidence.temperature_degc, "rate": evidence.rate_rad_s}
     with RecordingWriter(path, RecordingMeta(counter_rate_hz=1.0, source="test")) as writer:

@@ -88,6 +88,23 @@ def test_judgements(setting, diagnosis, expected):
     assert judgement.in_words
 
 
+def test_what_is_named_beside_the_truth_is_said():
+    judgement = hidden.judge(case(Setting("clock_jitter", {})), found("attributed", ["adc_nonlinearity", "clock_jitter"], stage="clock"))
+    assert judgement.found and judgement.beside == ("adc_nonlinearity",)
+    assert judgement.in_words.endswith("what is not there: adc_nonlinearity")
+    right = hidden.judge(case(Setting("clock_jitter", {})), found("attributed", ["clock_jitter"], stage="clock"))
+    assert right.beside == () and right.in_words == "the truth is what was named"
+
+
+def test_an_interrupted_recording_is_not_diagnosed(tmp_path, monkeypatch):
+    commands = []
+    monkeypatch.setattr(demo, "_command", lambda words, console: commands.append(words))
+    monkeypatch.setattr(hidden, "record", lambda case, path, progress: SimpleNamespace(interrupted=True))
+    with pytest.raises(KeyboardInterrupt):
+        demo._hidden(argparse.Namespace(output=tmp_path), 42, Console())
+    assert commands == [] and not (tmp_path / "hidden-label.json").exists()
+
+
 def test_the_demo_opens_the_label_last(tmp_path, monkeypatch, capsys):
     """The public command sees the recording only, while no label is written; the seed gives the same case again."""
     protocol = tmp_path / "short.toml"

@@ -11,7 +11,7 @@ import pytest
 
 from wineglass.diagnosis.rate_level import analyse
 from wineglass.diagnosis.verdict import diagnose
-from wineglass.report.page import render
+from wineglass.report.page import _percent, render
 from wineglass.report.view import Alikeness, Channel, View, of_rate_level
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -60,6 +60,16 @@ def test_the_page_stays_small_and_fetches_nothing(wide):
 def test_without_figures(view):
     page = render(View(view.diagnosis, "12 samples", frozenset()))
     assert "<svg" not in page and "Provenance" in page and "12 samples" in page
+
+
+def test_without_notes_there_is_no_heading_for_them(view):
+    assert "What to keep in mind" in render(View(view.diagnosis.model_copy(update={"notes": ["one"]}), "", frozenset()))
+    assert "What to keep in mind" not in render(View(view.diagnosis.model_copy(update={"notes": []}), "", frozenset()))
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.0, "0 %"), (-0.003, "0 %"), (0.003, "< 1 %"), (0.5, "50 %"), (-1.14, "-114 %"), (0.9999, "99.9 %"), (1.0, "100 %")])
+def test_percentages(value, text):
+    assert _percent(value) == text
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no chromium is installed")

@@ -76,7 +76,7 @@ class Case:
 @dataclass(frozen=True)
 class Judgement:
     """named: every effect that the diagnosis holds possible; found: the truth is among them, or nothing was to be found and no effect is named.
-    alone: and no other explanation is left. stage: the right one is the first of those that hold the gap; None: there is none to be right"""
+    alone: and no other explanation is left. beside: what is named with it although it is not there. stage: the right one is the first of those that hold the gap; None: there is none to be right"""
 
     truth: str
     label: str
@@ -86,9 +86,12 @@ class Judgement:
     found: bool
     alone: bool
     stage: bool | None
+    beside: tuple[str, ...] = ()
 
     @property
     def in_words(self) -> str:
+        if self.found and self.beside:
+            return f"the truth was named, and with it what is not there: {', '.join(self.beside)}"
         if self.found:
             return "the truth is what was named" if self.alone else "the truth is among what was named"
         if self.verdict in ("unknown", "insufficient"):
@@ -103,8 +106,9 @@ def judge(case: Case, diagnosis: Diagnosis) -> Judgement:
         found = diagnosis.verdict == "no_gap"
     else:
         found = any(case.setting.id in ids for ids in named)
+    beside = sorted({name for ids in named for name in ids} - {case.setting.id}) if case.setting and found and len(named) == 1 else []
     stage = None if case.stage is None or not diagnosis.where else max(diagnosis.where, key=lambda item: item.share).stage == case.stage
-    return Judgement(case.truth, case.label, case.digest, diagnosis.verdict, named, found, found and len(named) <= 1, stage)
+    return Judgement(case.truth, case.label, case.digest, diagnosis.verdict, named, found, found and len(named) <= 1, stage, tuple(beside))
 
 
 def new_seed() -> int:

@@ -106,7 +106,9 @@ def _hidden(args: argparse.Namespace, seed: int, console: Console) -> dict[str, 
     recording, result, report = (args.output / f"hidden.{ending}" for ending in ("h5", "json", "html"))
     run = case.run()
     with console.progress(f"protocol {case.protocol} on a device with a hidden fault", total=run.n_blocks) as bar:
-        hidden.record(case, recording, bar.advance)
+        done = hidden.record(case, recording, bar.advance)
+    if done.interrupted:
+        raise KeyboardInterrupt
     console.print(f"{recording}: protocol {case.protocol} on {case.device}, {run.scenario.duration_s:g} s, with a fault drawn by seed {seed} (give it back with "
                   f"--seed {seed})\nlabel sealed, SHA-256 {case.digest}\n")
     _command(["diagnose", str(recording), "--json", str(result), "--report", str(report)], console)

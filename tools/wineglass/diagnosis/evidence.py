@@ -77,7 +77,7 @@ def from_csv(path: Path, columns: dict[str, str], unit_of: dict[str, str], drop_
     from wineglass.importers.csv import ImportOptions, read_csv
 
     digest = file_hash(path)
-    data = read_csv(path, ImportOptions(columns, unit_of, drop_rows))
+    data = read_csv(path, ImportOptions(columns, unit_of, drop_rows, "--column"))
     for channel, role in (("rate", "rate"), ("temperature_measured", "temperature")):
         if channel not in data.channels:
             raise BadInput(f"no {role} column", path, f"add --column {role}=COLUMN")

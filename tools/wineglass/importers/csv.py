@@ -25,11 +25,12 @@ _UNIFORM = 1e-3  # of a sample: times this close to an even grid are stored as a
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """columns: role or channel -> column; unit_of: column -> unit; drop_rows: data rows counted from 0"""
+    """columns: role or channel -> column; unit_of: column -> unit; drop_rows: data rows counted from 0; columns_flag: what the command calls `columns`"""
 
     columns: dict[str, str]
     unit_of: dict[str, str]
     drop_rows: frozenset[int] = frozenset()
+    columns_flag: str = "--map"
 
 
 @dataclass(frozen=True)
@@ -91,25 +92,25 @@ def _channel(role: str) -> str:
 
 
 def _check_options(table: Table, options: ImportOptions) -> None:
-    have = ", ".join(column.name for column in table.columns)
+    have, flag = ", ".join(column.name for column in table.columns), options.columns_flag
     for role, name in options.columns.items():
         if role != "time" and _channel(role) not in CHANNELS:
-            raise BadInput(f"--map {role}: unknown channel", table.path, f"use time, temperature, rate, or one of {', '.join(CHANNELS)}")
+            raise BadInput(f"{flag} {role}: unknown channel", table.path, f"use time, temperature, rate, or one of {', '.join(CHANNELS)}")
         if role != "time" and CHANNELS[_channel(role)].tap == "raw":
-            raise BadInput(f"--map {role}: raw codes do not come from a table", table.path, "map baseband, output or reference channels")
+            raise BadInput(f"{flag} {role}: raw codes do not come from a table", table.path, "map baseband, output or reference channels")
         if table.column(name) is None:
-            raise BadInput(f"--map {role}={name}: no such column", table.path, f"the columns are: {have}")
+            raise BadInput(f"{flag} {role}={name}: no such column", table.path, f"the columns are: {have}")
     channels = [_channel(role) for role in options.columns]
     for channel in channels:
         if channels.count(channel) > 1:
-            raise BadInput(f"--map names {channel} twice", table.path, "give one column per channel")
+            raise BadInput(f"{flag} names {channel} twice", table.path, "give one column per channel")
     for name in options.unit_of:
         if table.column(name) is None:
             raise BadInput(f"--unit {name}: no such column", table.path, f"the columns are: {have}")
 
 
 def _choose_columns(table: Table, options: ImportOptions) -> dict[str, Column]:
-    """Role or channel -> column: as told by --map, else by usual names and by the channels' own names."""
+    """Role or channel -> column: as told, else by usual names and by the channels' own names."""
     chosen = {role: table.column(name) for role, name in options.columns.items()}
     taken = {column.name for column in chosen.values()}
     channels = {_channel(role) for role in chosen}
@@ -119,7 +120,7 @@ def _choose_columns(table: Table, options: ImportOptions) -> dict[str, Column]:
             continue
         chosen[role] = column
         channels.add(_channel(role))
-    _check_complete(table, chosen)
+    _check_complete(table, chosen, options.columns_flag)
     return chosen
 
 
@@ -138,13 +139,13 @@ def _is_unit_of(ending: str, role: str) -> bool:
     return unit is not None and unit.dimension == ("time" if role == "time" else units.find(CHANNELS[_channel(role)].unit).dimension)
 
 
-def _check_complete(table: Table, chosen: dict[str, Column]) -> None:
+def _check_complete(table: Table, chosen: dict[str, Column], flag: str) -> None:
     have = ", ".join(column.name for column in table.columns)
     if "time" not in chosen:
-        raise BadInput("no column is known as time", table.path, f"add --map time=COLUMN (columns: {have})")
+        raise BadInput("no column is known as time", table.path, f"add {flag} time=COLUMN (columns: {have})")
     if len(chosen) == 1:
         raise BadInput(
-            "no column is known as a channel", table.path, f"add --map temperature=COLUMN --map rate=COLUMN (columns: {have})"
+            "no column is known as a channel", table.path, f"add {flag} temperature=COLUMN {flag} rate=COLUMN (columns: {have})"
         )
 
 

@@ -70,6 +70,8 @@ def _read_cells(path: Path, where: str) -> tuple[list[str], list[list[str]], lis
 
 
 def _parse_header(header: list[str], where: str) -> list[tuple[str, str | None]]:
+    if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
+        raise BadInput("the columns are not separated by commas", f"{where}, line 1", "export the table with commas")
     names = [_parse_name(cell.strip(), where) for cell in header]
     for i, (name, _) in enumerate(names):
         if not name:
@@ -78,8 +80,6 @@ def _parse_header(header: list[str], where: str) -> list[tuple[str, str | None]]
             raise BadInput(f"two columns are named {name}", f"{where}, line 1", "give every column its own name")
     if all(_is_number(name) for name, _ in names):
         raise BadInput("the header is missing", f"{where}, line 1", "put a line name[unit],name[unit],... on top")
-    if len(names) == 1 and any(mark in header[0] for mark in ";\t"):
-        raise BadInput("the columns are not separated by commas", f"{where}, line 1", "export the table with commas")
     return names
 
 

@@ -31,7 +31,7 @@ def draw_figure5(run: Figure5, path: Path) -> None:
             bottom.semilogy(time_s, np.maximum(residual, LEAST_SHOWN_RAD_S), color=COLOURS[name], linewidth=0.8,
                             label=f"{name}: {run.residual[name].ac_rad_s:.2e} rad/s rms without mean")
         middle.set_ylabel("rate [rad/s]")
-        middle.legend(loc="upper right", ncols=2, fontsize=9)
+        middle.legend(loc="lower left", fontsize=9)
         bottom.set_ylabel("|residual| [rad/s]")
         bottom.set_ylim(bottom=LEAST_SHOWN_RAD_S)
         bottom.set_xlabel("time [s]")

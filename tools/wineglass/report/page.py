@@ -43,7 +43,7 @@ def _percent(value: float) -> str:
         return "< 1 %"
     if 0.99 < value < 1.0:
         return f"{np.floor(1000.0 * value) / 10.0:.1f} %"
-    return f"{100.0 * value:.0f} %"
+    return f"{100.0 * value:z.0f} %"
 
 
 def _stage(name: str, view: View) -> dict[str, object]:
