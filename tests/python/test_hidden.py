@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from wineglass import effects, hidden
+from wineglass import cli, effects, hidden
 from wineglass.commands import demo
 from wineglass.console import Console
 from wineglass.effects import Setting
@@ -103,6 +103,16 @@ def test_an_interrupted_recording_is_not_diagnosed(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         demo._hidden(argparse.Namespace(output=tmp_path), 42, Console())
     assert commands == [] and not (tmp_path / "hidden-label.json").exists()
+
+
+@pytest.mark.parametrize(("words", "says"), [(["--seed", "-3"], "-3 is no seed"), (["-o", "file"], "is no folder")])
+def test_what_the_demo_cannot_use_is_said_before_anything_is_made(tmp_path, monkeypatch, capsys, words, says):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("mine")
+    assert cli.main(["demo", *words]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and says in err
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 def test_the_demo_opens_the_label_last(tmp_path, monkeypatch, capsys):

@@ -148,6 +148,15 @@ def test_a_failure_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(("place", "says"), [("none/a.h5", "the folder does not exist"), ("folder", "is a folder")])
+def test_a_place_that_cannot_be_written_is_refused_at_once(tmp_path, place, says):
+    """Not after an hour of recording, when the file is to get its name."""
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(BadInput, match=says):
+        RecordingWriter(tmp_path / place, meta())
+    assert [path.name for path in tmp_path.iterdir()] == ["folder"] and not list((tmp_path / "folder").iterdir())
+
+
 def test_an_older_file_survives_a_failure(tmp_path):
     path = tmp_path / "a.h5"
     write_output(path, [1, 2, 3])

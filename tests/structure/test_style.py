@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 EARLY = [ROOT / "wineglass", ROOT / "tools/wineglass/__init__.py", ROOT / "tools/wineglass/cli.py",
          ROOT / "tools/wineglass/errors.py", *sorted((ROOT / "tools/wineglass/launch").glob("*.py"))]
 EARLY_MODULES = {"__future__", "argparse", "ast", "collections", "contextlib", "difflib", "fcntl", "hashlib",
-                 "importlib", "os", "pathlib", "re", "shutil", "subprocess", "sys", "time", "typing", "wineglass"}
+                 "importlib", "os", "pathlib", "re", "shutil", "signal", "subprocess", "sys", "threading", "time", "typing", "wineglass"}
 
 
 @pytest.mark.parametrize("path", EARLY, ids=lambda path: str(path.relative_to(ROOT)))

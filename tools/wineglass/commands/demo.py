@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from wineglass.console import Console
+from wineglass.errors import BadInput
 
 if TYPE_CHECKING:
     from wineglass.experiments import Figure2, Figure5
@@ -25,6 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace, console: Console) -> int:
     from wineglass import hidden
 
+    if args.seed is not None and args.seed < 0:
+        raise BadInput(f"{args.seed} is no seed", "--seed", "give 0 or more")
+    if args.output.exists() and not args.output.is_dir():
+        raise BadInput("is no folder", args.output, "choose another one with -o")
     args.output.mkdir(parents=True, exist_ok=True)
     hidden_seed = hidden.new_seed() if args.seed is None else args.seed
     args.seed = 1 if args.seed is None else args.seed

@@ -93,6 +93,10 @@ class RecordingWriter:
         self._bursts = 0
         if not meta.counter_rate_hz > 0:
             raise ValueError("counter_rate_hz must be positive")
+        if not self.path.parent.is_dir():
+            raise BadInput("the folder does not exist", self.path.parent, "create it or choose another output path")
+        if self.path.is_dir():
+            raise BadInput("is a folder", self.path, "give a file name")
         try:
             self._file: h5py.File | None = h5py.File(self._part, "w")
         except OSError as error:
