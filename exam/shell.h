@@ -52,13 +52,14 @@ static inline void exam_step_stride(struct exam_step *step, const struct exam_st
     }
 }
 
-/* before: NULL for a prompt step. */
+/* before: NULL for a prompt step. The state is read before the loops: what was written as single numbers is slow to read back as vectors. */
 static inline void exam_step_apply(const struct exam_step *step, const double now[2], const double *before, double state[4])
 {
+    double x1 = state[0], v1 = state[1], x2 = state[2], v2 = state[3], drive = now[0], rebalance = now[1];
     double next[4];
     for (int row = 0; row < 4; row++) {
-        next[row] = step->transition[0][row] * state[0] + step->transition[1][row] * state[1] + step->transition[2][row] * state[2] +
-                    step->transition[3][row] * state[3] + step->now[0][row] * now[0] + step->now[1][row] * now[1];
+        next[row] = step->transition[0][row] * x1 + step->transition[1][row] * v1 + step->transition[2][row] * x2 +
+                    step->transition[3][row] * v2 + step->now[0][row] * drive + step->now[1][row] * rebalance;
     }
     for (int row = 0; before != NULL && row < 4; row++) {
         next[row] += step->before[0][row] * before[0] + step->before[1][row] * before[1];
