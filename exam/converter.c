@@ -45,8 +45,10 @@ static void additions(const struct exam *exam, const double *q, double seen[2])
 static void remember(struct exam *exam, const double *q, double seen[2])
 {
     double second = seen[1];
-    seen[1] += q[EXAM_MEMORY_2] * seen[0];
-    seen[0] += q[EXAM_MEMORY_1] * exam->other_before;
+    if (exam->has_memory) {
+        seen[1] += q[EXAM_MEMORY_2] * seen[0];
+        seen[0] += q[EXAM_MEMORY_1] * exam->other_before;
+    }
     exam->other_before = second;
 }
 
@@ -55,7 +57,9 @@ void exam_convert(struct exam *exam, const double *q)
     double x1 = displacement(exam, 0), x2 = displacement(exam, 1);
     double seen[2] = {q[EXAM_GAIN_1] * x1 + q[EXAM_SEES_SECONDARY] * x2 + q[EXAM_OFFSET_1],
                       q[EXAM_GAIN_2] * x2 + q[EXAM_SEES_PRIMARY] * x1 + q[EXAM_OFFSET_2]};
-    leaks(exam, q, seen);
+    if (exam->has_leaks) {
+        leaks(exam, q, seen);
+    }
     additions(exam, q, seen);
     remember(exam, q, seen);
     for (int channel = 0; channel < 2; channel++) {

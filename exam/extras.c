@@ -38,6 +38,8 @@ void exam_extras_prepare(struct exam *exam, const double *q)
     tone_prepare(&exam->pump, turn * q[EXAM_PUMP_HZ]);
     third_prepare(&exam->third, q);
     exam->has_third = q[EXAM_THIRD_SEEN_1] != 0.0 || q[EXAM_THIRD_SEEN_2] != 0.0;
+    exam->has_leaks = q[EXAM_DRIVE_LEAK_1] != 0.0 || q[EXAM_DRIVE_LEAK_2] != 0.0 || q[EXAM_DRIVE_EDGE_2] != 0.0 || q[EXAM_REBALANCE_LEAK_2] != 0.0;
+    exam->has_memory = q[EXAM_MEMORY_1] != 0.0 || q[EXAM_MEMORY_2] != 0.0;
     exam->has_kicks = exam->has_tones || q[EXAM_PUMP] != 0.0 || q[EXAM_CUBIC_CROSS] != 0.0;
 }
 

@@ -45,7 +45,7 @@ struct exam {
     int32_t codes[2];
     double code_limit, dac_scale;
     uint64_t samples, clipped, forces_given;
-    bool has_end, has_tones, has_third, has_kicks, prompt;
+    bool has_end, has_tones, has_third, has_kicks, has_leaks, has_memory, prompt;
 };
 
 /* Slow numbers of one block at its middle, EXAM_QUANTITIES of them. */

@@ -1,7 +1,5 @@
 #include "exam/shell.h"
 
-#include <string.h>
-
 /* Series of phi(Z) = (e^Z - 1)/Z: |Z| = w h < 2.6 over the permitted carriers (0.4 of the sample rate): rest below 2.6^27/28! = 5e-19;
  * at the usual tenth of the sample rate the terms vanish long before. */
 enum { TERMS = 26, TERMS_USUAL = 14 };

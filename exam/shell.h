@@ -9,6 +9,7 @@
 #define EXAM_SHELL_H
 
 #include <stddef.h>
+#include <string.h>
 
 struct exam_shell {
     double stiffness[2][2];    /* k [rad^2/s^2] */
@@ -41,31 +42,40 @@ static inline int exam_step_is_prompt(const struct exam_step *step)
  * held over several periods would rise in steps whose harmonics fall on twice the carrier, and mix the carrier with itself. */
 void exam_step_walk(const struct exam_step *a, const struct exam_step *b, double count, struct exam_step *first, struct exam_step *stride);
 
+/* Two rows of a column at a time. Each row is still summed in the same order, so that the bits are those of plain numbers. */
+typedef double exam_pair __attribute__((vector_size(2 * sizeof(double))));
+
+static inline exam_pair exam_pair_at(const double *numbers)
+{
+    exam_pair pair;
+    memcpy(&pair, numbers, sizeof pair);
+    return pair;
+}
+
 /* prompt: without the part of late forces. */
 static inline void exam_step_stride(struct exam_step *step, const struct exam_step *stride, int prompt)
 {
     int count = prompt ? EXAM_PROMPT_NUMBERS : EXAM_STEP_NUMBERS;
     double *numbers = (double *)step;
     const double *strides = (const double *)stride;
-    for (int i = 0; i < count; i++) {
-        numbers[i] += strides[i];
+    for (int i = 0; i < count; i += 2) {
+        exam_pair sum = exam_pair_at(&numbers[i]) + exam_pair_at(&strides[i]);
+        memcpy(&numbers[i], &sum, sizeof sum);
     }
 }
 
-/* before: NULL for a prompt step. The state is read before the loops: what was written as single numbers is slow to read back as vectors. */
+/* before: NULL for a prompt step. The state is read number by number: what was written so is slow to read back as vectors. */
 static inline void exam_step_apply(const struct exam_step *step, const double now[2], const double *before, double state[4])
 {
     double x1 = state[0], v1 = state[1], x2 = state[2], v2 = state[3], drive = now[0], rebalance = now[1];
-    double next[4];
-    for (int row = 0; row < 4; row++) {
-        next[row] = step->transition[0][row] * x1 + step->transition[1][row] * v1 + step->transition[2][row] * x2 +
-                    step->transition[3][row] * v2 + step->now[0][row] * drive + step->now[1][row] * rebalance;
-    }
-    for (int row = 0; before != NULL && row < 4; row++) {
-        next[row] += step->before[0][row] * before[0] + step->before[1][row] * before[1];
-    }
-    for (int row = 0; row < 4; row++) {
-        state[row] = next[row];
+    for (int row = 0; row < 4; row += 2) {
+        exam_pair next = exam_pair_at(&step->transition[0][row]) * x1 + exam_pair_at(&step->transition[1][row]) * v1 +
+                         exam_pair_at(&step->transition[2][row]) * x2 + exam_pair_at(&step->transition[3][row]) * v2 +
+                         exam_pair_at(&step->now[0][row]) * drive + exam_pair_at(&step->now[1][row]) * rebalance;
+        if (before != NULL) {
+            next += exam_pair_at(&step->before[0][row]) * before[0] + exam_pair_at(&step->before[1][row]) * before[1];
+        }
+        memcpy(&state[row], &next, sizeof next);
     }
 }
 
