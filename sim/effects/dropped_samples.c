@@ -1,10 +1,12 @@
 /* The device misses a sample now and then, or gets one twice: its clock and the shell's part by a sample's phase. */
 #include "sim/effects/effect.h"
 
+#define CLOSEST 2 /* samples: where every one is lost there is no recording */
+
 /* Losses at whole multiples of the distance. */
 static int32_t lost(const double *values, uint64_t first, uint64_t last)
 {
-    uint64_t distance = (uint64_t)(values[0] + 0.5);
+    uint64_t distance = values[0] < CLOSEST ? CLOSEST : (uint64_t)(values[0] + 0.5);
     uint64_t before = first > 0 ? (first - 1) / distance : 0;
     int32_t count = (int32_t)(last / distance - before);
     return values[1] > 0.5 ? -count : count;

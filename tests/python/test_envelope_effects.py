@@ -109,6 +109,13 @@ def test_lost_and_doubled_samples_jolt_the_frequency_alike(doubled, loop):
     assert rms(found - true) <= 0.06 * rms(true)
 
 
+@pytest.mark.parametrize("distance", [0.3, 1.0])
+def test_losses_closer_than_every_other_sample_are_every_other_sample(distance):
+    runs = [both(case(fields("open"), [Setting("dropped_samples", {"distance_samples": d})]), START_S) for d in (distance, 2.0)]
+    for close, every_other in zip(*runs, strict=True):
+        assert np.array_equal(close["drive_frequency"], every_other["drive_frequency"], equal_nan=True)
+
+
 @pytest.mark.parametrize("loop", ["open", "rebalance"])
 @pytest.mark.parametrize("effect_id", RUNNING_PHASE)
 def test_lines_have_the_same_size_in_both_twins(effect_id, loop):
