@@ -60,7 +60,7 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
     if chosen is not None:
         there = Standing(found.bench, chosen.unknowns, chosen.values, chosen.jacobian)
         left = recorded - _channels(found, standing.run(there))
-        slopes = np.array([slope[found.pick] for _, slope in responses.uncertainties(found.bench, there.settings, found.bench.unit)])
+        slopes = np.array([slope[found.pick] for _, slope in there.slopes])
         columns = np.concatenate([slopes, chosen.jacobian * there.spread[:, None, None]])
         polished = _polish(found, columns, left, np.concatenate([found.responses.centre, there.off]))
         after = left - _folded(found, polished, list(range(len(columns))), columns)
@@ -84,8 +84,7 @@ def _estimate(found: TwinAnalysis, chosen: Closed, polished: Products) -> tuple[
     """Values (k,) of the unknowns and their covariance (k, k): forms are believed as far as the full twin's own remainder allows."""
     places = list(range(polished.count))
     exact, _ = posterior_mean(polished.pooled(np.ones(len(found.names))), places)
-    combination = np.append(-exact, 1.0)
-    left = np.einsum("fcij,i,j->c", polished.gram, combination, combination)
+    left = polished.left(exact)
     excess = np.maximum(0.0, left - found.system.n_rows * (1.0 + 3.0 * np.sqrt(2.0 / np.maximum(found.system.n_rows, 1))))
     gram = polished.pooled(1.0 + excess / FREEDOM)
     coefficients = polished.about + posterior_mean(gram, places)[0]

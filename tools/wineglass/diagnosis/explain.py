@@ -53,13 +53,13 @@ def explained(products: Products, softening: np.ndarray, nuisances: int, columns
     places = [*range(nuisances), *columns]
     gram = products.pooled(softening)
     coefficients, log_determinant = posterior_mean(gram, places)
+    whole = np.zeros(products.count)
+    whole[places] = coefficients
     evidence = -0.5 * (float(gram[-1, -1] - gram[places, -1] @ coefficients) + log_determinant) + log_prior
-    combination = np.zeros(products.count + 1)
-    combination[places] = -coefficients
-    combination[-1] = 1.0
-    left = np.einsum("fcij,i,j->c", products.gram, combination, combination)
+    combination = np.append(-whole, 1.0)
     generic = sum(_generic(block @ combination, softening[c]) for c, block in enumerate(products.generic))
-    return Explained(tuple(sorted({v.effect for v in variants})), variants, evidence, float(generic), left, products.about[places] + coefficients)
+    support = tuple(sorted({v.effect for v in variants}))
+    return Explained(support, variants, evidence, float(generic), products.left(whole), products.about[places] + coefficients)
 
 
 def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, float]:
@@ -203,5 +203,5 @@ def held_out(products: Products, softening: np.ndarray, places: list[int], limit
         fitted = posterior_mean(gram, places)[0] if limit is None else within(gram, places, -products.about[places], limit)
         combination[places] = -fitted
         combination[-1] = 1.0
-        left[fold] = np.einsum("cij,i,j->c", products.gram[fold], combination, combination)
+        left[fold] = (products.gram[fold] @ combination) @ combination
     return left

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from wineglass.diagnosis.twin_level import TwinAnalysis
 
 Ids = tuple[str, ...]
-TRACED = frozenset({"dropped_samples", "thermometer_quantisation", "firmware_mismatch"})
+TRACED = frozenset({"thermometer_quantisation", "firmware_mismatch"})
 """Effects that move slow channels, too, but never without a trace in noise, lines, events or codes: where that was looked for and not found,
 they are not it."""
 UNSEEN = -20.0

@@ -9,7 +9,7 @@ telemetry interval, by no more than that over the interval's samples; then the a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -23,7 +23,7 @@ APART_S, APART_SAMPLES = 0.05, 2.5
 """between two jumps, the longer of both; the phase loop forgets one within some 30 ms"""
 TOLERANCE = 0.17
 """relative, of the turns: the frequency is sampled once per slow tick while the phase loop answers within a few of them"""
-AFTER_START_S, AFTER_COMMAND_S = 1.5, 1.5
+AFTER_START_S, BEFORE_COMMAND_S, AFTER_COMMAND_S = 1.5, 0.5, 1.5
 LONGEST_S, LONGEST_SAMPLES = 0.12, 6
 LEAST_TURNS = 0.02
 """a corner of the chamber's profile bends the frequency, too, but by less"""
@@ -51,9 +51,12 @@ class Event:
 
 @dataclass(frozen=True)
 class Events:
+    """hidden_s: spans in which an event would not have been seen: a command shook the loops, too"""
+
     found: list[Event]
     examined_s: float
     counter_rate_hz: float
+    hidden_s: list[tuple[float, float]] = field(default_factory=list)
 
     @property
     def times_s(self) -> np.ndarray:
@@ -94,7 +97,7 @@ def find(recording: Recording) -> Events | None:
              if len(group) <= max(LONGEST_S * tap.sample_rate_hz, LONGEST_SAMPLES)]
     found = [event for event in found if abs(event.turns) >= LEAST_TURNS]
     found = sorted(found + _stale(tap, usable, [event.time_s for event in found], per_sample), key=lambda event: event.time_s)
-    return Events(found, np.count_nonzero(usable) / tap.sample_rate_hz, tap.counter_rate_hz)
+    return Events(found, np.count_nonzero(usable) / tap.sample_rate_hz, tap.counter_rate_hz, _around_commands(recording))
 
 
 def _around(values: np.ndarray, reach: int = 12, gap: int = 4) -> np.ndarray:
@@ -109,11 +112,14 @@ def _around(values: np.ndarray, reach: int = 12, gap: int = 4) -> np.ndarray:
 def _disturbed(recording: Recording, time_s: np.ndarray) -> np.ndarray:
     """Start, commands, and whatever the device itself reports as a restart, (n,) bool."""
     disturbed = time_s < _locked_since(recording) + AFTER_START_S
-    for event in recording.events:
-        if event.kind == "command":
-            at = event.sample / recording.counter_rate_hz
-            disturbed |= (time_s > at - 0.5) & (time_s < at + AFTER_COMMAND_S)
+    for begin, end in _around_commands(recording):
+        disturbed |= (time_s > begin) & (time_s < end)
     return disturbed
+
+
+def _around_commands(recording: Recording) -> list[tuple[float, float]]:
+    at = [event.sample / recording.counter_rate_hz for event in recording.events if event.kind == "command"]
+    return [(time_s - BEFORE_COMMAND_S, time_s + AFTER_COMMAND_S) for time_s in at]
 
 
 def _locked_since(recording: Recording) -> float:

@@ -43,7 +43,7 @@ BURIED = 300.0
 """height of a line whose sides move noise's level"""
 ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermometer_quantisation")
 """effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
-STALE_S, DECAYS = 0.5, 5.0
+STALE_S, DECAYS = 0.5, 16.0
 _CURVES = frozenset({"adc_saturation", "adc_nonlinearity"})
 OTHER_PENALTY = 4.0
 
@@ -78,9 +78,13 @@ class NoiseEvidence:
         return noise_added.of(self.spectral.estimates if self.spectral is not None else {}, effects)
 
     def disturbed_s(self, decay_per_s: float) -> list[tuple[float, float]]:
-        """Spans in which single events shake slow channels: a wrong sample misleads the loops, a jump of phase moves the shell until it has decayed."""
-        found = self.events.found if self.events is not None else []
-        return [(event.time_s - 0.1, event.time_s + (STALE_S if event.stale else DECAYS / decay_per_s)) for event in found]
+        """Spans in which single events shake slow channels, or may do so unseen: a wrong sample misleads the loops, a jump of phase moves the shell until it
+        has decayed."""
+        if self.events is None:
+            return []
+        found = [(event.time_s - 0.1, event.time_s + (STALE_S if event.stale else DECAYS / decay_per_s)) for event in self.events.found]
+        jumps = any(not event.stale for event in self.events.found)
+        return found + [(begin, end + (DECAYS / decay_per_s if jumps else STALE_S)) for begin, end in self.events.hidden_s]
 
     @property
     def named(self) -> list[str]:

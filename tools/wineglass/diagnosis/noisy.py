@@ -12,9 +12,10 @@ from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.noise_added import Added
 from wineglass.diagnosis.noise_level import NoiseEvidence
 
-FLICKER, DROPPED = "flicker_noise", "dropped_samples"
+FLICKER, DROPPED, TONE = "flicker_noise", "dropped_samples", "interference"
 SLOW_HZ = (0.01, 0.1)  # where a wander of the bias is compared with the described floor
-MOST_MASKED = 0.5  # of all frames; where events shake more, they are part of the noise
+FED = ("secondary_", "rebalance_", "rate", "quadrature")
+MOST_MASKED = 0.8  # of all frames; what is left beyond that says nothing
 
 
 def device_with(driven: Driven, added: Added) -> Driven:
@@ -36,5 +37,14 @@ def undisturbed(recorded: Frames, driven: Driven, noise: NoiseEvidence) -> Frame
     for begin, end in noise.disturbed_s(float(resonator.decay_rate_at(resonator.reference_temperature_degc))):
         shaken |= (time_s > begin - recorded.grid.frame_s) & (time_s < end + recorded.grid.frame_s)
     if np.mean(shaken) > MOST_MASKED:
-        return recorded
+        shaken[:] = True
     return Frames(recorded.grid, recorded.names, recorded.values, recorded.use & ~shaken)
+
+
+def without_beats(recorded: Frames) -> Frames:
+    """A tone beats with the carrier in whatever the secondary pickoff feeds, slowly enough for frames, and drifts as the shell does: nothing else is sought
+    there."""
+    use = recorded.use.copy()
+    for i, name in enumerate(recorded.names):
+        use[i] &= not name.startswith(FED)
+    return Frames(recorded.grid, recorded.names, recorded.values, use)

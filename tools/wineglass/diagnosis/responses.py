@@ -23,8 +23,8 @@ from wineglass.envelope import Envelope, Inputs
 from wineglass.errors import BadInput
 from wineglass.scenario import Run
 
-NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference")
-"""Effects whose mean over a frame is nothing: diagnosis/noise_level.py looks for them."""
+NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference", "dropped_samples")
+"""Effects whose mean over a frame is nothing, or that are over within a few: diagnosis/noise_level.py looks for them."""
 STEP_S = 0.04  # of the envelope twin
 SLOPE_STEP = 0.02  # standard deviations
 WANDER, WANDER_TERMS = "wander of ", 24
@@ -87,6 +87,7 @@ class Bench:
         self.nominal = self.run()
         self.slopes: list[tuple[str, np.ndarray]] | None = None
         """`uncertainties` about this bench, once they are known"""
+        self.wander: list[tuple[str, np.ndarray]] | None = None
 
     def at(self, unit: Unit, shell_off: float) -> Bench:
         return Bench(self._as_recorded, self.grid, self.names, unit, shell_off)
@@ -126,6 +127,7 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
         columns.append(Column("", None, name, 1.0))
         values.append(response)
     nuisances = tuple(range(len(columns)))
+    switched = _Switched(bench)
     for effect in effects.catalogue():
         if effect.id in NOISE_LIKE or effect.id in without:
             continue
@@ -134,7 +136,7 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
             places = []
             for name, probe, scale in probes:
                 try:
-                    response = bench.run([probe]) - bench.nominal
+                    response = switched(probe) if effect.id in _LATER else bench.run([probe]) - bench.nominal
                 except BadInput:
                     continue
                 places.append(len(columns))
@@ -176,7 +178,9 @@ def _slopes(bench: Bench, settings: Sequence[Setting], about: Unit, at: np.ndarr
         found.append((SHELL, bench.run(settings, shell_offset_degc=SHELL_OFFSET_DEGC) - at))
     if bench.driven.rate_known:
         found.append(("clock of the rate table", np.gradient(at, bench.grid.frame_s, axis=1) * OFFSET_S))
-    return [*found, *_wander(bench)]
+    if bench.wander is None:
+        bench.wander = _wander(bench)
+    return [*found, *bench.wander]
 
 
 def _wander(bench: Bench) -> list[tuple[str, np.ndarray]]:
@@ -243,18 +247,35 @@ def _steps(bench: Bench) -> list[tuple[str, float]]:
     return [("step_degc", step) for step in (0.125, 0.25, 0.5, 1.0, 2.0) if step > 2.0 * lsb]
 
 
-def _losses(bench: Bench) -> list[tuple[str, float]]:
-    return [("distance_samples", distance) for distance in (3e4, 3e5, 3e6)]
-
-
 _WHOLE: dict[str, Callable[[Bench], list[tuple[str, float]]]] = {
-    "thermometer_lag": _lags, "adc_saturation": _clips, "thermometer_quantisation": _steps, "dropped_samples": _losses}
+    "thermometer_lag": _lags, "adc_saturation": _clips, "thermometer_quantisation": _steps}
 """Effects that do not grow in proportion to their parameter: whole effects of several sizes, each with a coefficient of about one."""
 
 
 def _step_times(bench: Bench) -> list[dict[str, float]]:
     span = bench.grid.count * bench.grid.frame_s
     return [{"time_s": bench.grid.first * bench.grid.frame_s + span * (i + 0.5) / 20, "creep_s": creep * span} for i in range(20) for creep in (0.0, 0.1)]
+
+
+_LATER = ("damping_step",)
+"""Effects that act from time_s on, at once or creeping within creep_s."""
+
+
+class _Switched:
+    """Responses of what acts from a moment on: of what acts all along, cut off there. One run serves all moments; closing an explanation runs the truth."""
+
+    def __init__(self, bench: Bench):
+        self._bench = bench
+        self._always: dict[str, np.ndarray] = {}
+
+    def __call__(self, probe: Setting) -> np.ndarray:
+        always = Setting(probe.id, {**probe.values, "time_s": 0.0, "creep_s": 0.0})
+        key = str(always)
+        if key not in self._always:
+            self._always[key] = self._bench.run([always]) - self._bench.nominal
+        since_s = self._bench.grid.time_s - probe.values["time_s"]
+        creep_s = probe.values.get("creep_s", 0.0)
+        return self._always[key] * np.where(since_s < 0.0, 0.0, 1.0 - np.exp(-np.maximum(since_s, 0.0) / creep_s) if creep_s > 0.0 else 1.0)
 
 
 def _ages(bench: Bench) -> list[dict[str, float]]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -28,7 +29,11 @@ QUIET = {"electronics.adc.snr_db": 0.0, "electronics.adc.bits": 32}
 ROUGH_ROUNDS, ROUGH_GAIN = 5, 1e4  # of the envelope alone, and the nats that a round must gain
 FULL_ROUNDS, GAIN = 3, 10.0  # of the full twin, and of the envelope's moves from each
 LEAST_GAIN = 0.02  # of the energy left beyond noise: less is not worth a round
+SLOW = 0.3  # of the round before: a round that gains more is taken with fresh slopes
 DAMPING = 10.0  # of a step, in priors: what the data say little about stays where it is
+
+
+Slopes = list[tuple[str, np.ndarray]]
 
 
 class Judged(Protocol):
@@ -41,12 +46,14 @@ class Judged(Protocol):
 
 @dataclass(frozen=True)
 class Standing:
-    """unknowns, values (k,), jacobian (k, channels of the system, n): of an explanation; none of them without effects."""
+    """unknowns, values (k,), jacobian (k, channels of the system, n): of an explanation; none of them without effects. near: slopes of near by,
+    which will do."""
 
     bench: Bench
     unknowns: list[Unknown] = field(default_factory=list)
     values: np.ndarray = field(default_factory=lambda: np.zeros(0))
     jacobian: np.ndarray | None = None
+    near: Slopes | None = None
 
     @property
     def settings(self) -> list[Setting]:
@@ -61,9 +68,15 @@ class Standing:
         """(k,): of the values, in spreads from their priors' middles."""
         return (self.values - np.array([u.middle for u in self.unknowns])) / self.spread if self.unknowns else np.zeros(0)
 
+    @cached_property
     def envelope(self) -> np.ndarray:
         """(channels of the bench, n)."""
         return self.bench.run(self.settings) if self.unknowns else self.bench.nominal
+
+    @cached_property
+    def slopes(self) -> Slopes:
+        """What one standard deviation of everything uncertain does here, (channels of the bench, n) each."""
+        return self.near or responses.uncertainties(self.bench, self.settings, self.bench.unit if self.unknowns else None)
 
 
 def full_twin(driven: Driven, grid: Grid, effects: Sequence[Setting] = (), truth: Device | None = None) -> Frames:
@@ -76,22 +89,21 @@ def full_twin(driven: Driven, grid: Grid, effects: Sequence[Setting] = (), truth
 def roughly(standing: Standing, setting: Judged, frames: Frames | None = None) -> tuple[Standing, Frames]:
     """By the envelope twin alone. frames: of a full twin there, as far as known; None: the envelope's own."""
     bench = standing.bench
-    frames = frames or Frames(bench.grid, bench.names, standing.envelope(), np.ones_like(bench.nominal, bool))
+    frames = frames or Frames(bench.grid, bench.names, standing.envelope, np.ones_like(bench.nominal, bool))
     return _moved(standing, setting, frames, ROUGH_GAIN, ROUGH_ROUNDS)
 
 
 def with_effects(standing: Standing, frames: Frames) -> Frames:
     """What the full twin would show with the effects, from its frames there without them."""
-    return _shifted(frames, standing.bench, standing.envelope() - standing.bench.nominal)
+    return _shifted(frames, standing.bench, standing.envelope - standing.bench.nominal)
 
 
 def energy_left(standing: Standing, setting: Judged, frames: Frames) -> np.ndarray:
     """(channels,): per frame, in floors, once the last linear step within the tolerances is taken, too."""
     built = setting.system(standing.bench, frames)
-    table, _ = _linear(standing, setting, built)
+    table = _linear(standing, setting, built)
     change = explain.within(table.pooled(np.ones(len(built.names))), list(range(table.count)), -table.about, FARTHEST)
-    combination = np.append(-change, 1.0)
-    return np.einsum("fcij,i,j->c", table.gram, combination, combination) / np.maximum(built.n_rows, 1)
+    return table.left(change) / np.maximum(built.n_rows, 1)
 
 
 def exactly(standing: Standing, setting: Judged) -> tuple[Standing, Frames]:
@@ -107,15 +119,15 @@ def exactly(standing: Standing, setting: Judged) -> tuple[Standing, Frames]:
         moved, frames = _moved(standing, setting, frames, GAIN, FULL_ROUNDS)
         if moved is standing:
             break
-        standing = moved
+        standing = replace(moved, near=None)
     return standing, frames
 
 
 def _cost(standing: Standing, setting: Judged, frames: Frames) -> float:
     """Half the energy left, and the priors', where the standing is: only what cannot be moved is at its best."""
     built = setting.system(standing.bench, frames)
-    table, names = _linear(standing, setting, built)
-    gram, fixed = table.pooled(np.ones(len(built.names))), _fixed(standing, names)
+    table = _linear(standing, setting, built)
+    gram, fixed = table.pooled(np.ones(len(built.names))), _fixed(standing, [name for name, _ in standing.slopes])
     change = explain.within(gram, fixed, -table.about[fixed], FARTHEST)
     part = gram[np.ix_(fixed, fixed)]
     return 0.5 * float(gram[-1, -1] + change @ part @ change + change @ change) - float(gram[fixed, -1] @ change)
@@ -131,13 +143,18 @@ def run(standing: Standing) -> Frames:
     bench = standing.bench
     frames = full_twin(bench.driven, bench.grid, standing.settings, bench.unit.device)
     if "temperature_measured" in frames.names and "temperature_measured" in bench.names:
-        frames.values[frames.names.index("temperature_measured")] = standing.envelope()[bench.names.index("temperature_measured")]
+        frames.values[frames.names.index("temperature_measured")] = standing.envelope[bench.names.index("temperature_measured")]
     return frames
 
 
 def without_effects(standing: Standing, frames: Frames) -> Frames:
     """What the full twin would show there without the effects, as far as the envelope twin is to be believed that near."""
-    return _shifted(frames, standing.bench, standing.bench.nominal - standing.envelope())
+    return _shifted(frames, standing.bench, standing.bench.nominal - standing.envelope)
+
+
+def at_bench(standing: Standing, frames: Frames, bench: Bench) -> Frames:
+    """Frames of the full twin without effects, moved to another unit as the envelope twin says."""
+    return _shifted(frames, bench, bench.nominal - standing.bench.nominal)
 
 
 def _shifted(frames: Frames, bench: Bench, by: np.ndarray) -> Frames:
@@ -148,28 +165,31 @@ def _shifted(frames: Frames, bench: Bench, by: np.ndarray) -> Frames:
 
 
 def _moved(standing: Standing, setting: Judged, frames: Frames, enough: float, rounds: int) -> tuple[Standing, Frames]:
-    """Until moving gains less than `enough` nats; the frames are moved along as the envelope twin says."""
+    """Until moving gains less than `enough` nats; the frames are moved along as the envelope twin says. Slopes are computed anew when the old ones
+    no longer lead far."""
+    before, names = np.inf, [name for name, _ in standing.slopes]
     for _ in range(rounds):
         bench = standing.bench
         built = setting.system(bench, frames)
-        table, names = _linear(standing, setting, built)
-        change, gained, left = _step(table, built, _fixed(standing, names))
+        change, gained, left = _step(_linear(standing, setting, built), built, _fixed(standing, names))
         if gained < max(enough, LEAST_GAIN * left):
             break
-        moved = _along(standing, setting.pick, names, change)
-        frames = _shifted(frames, bench, moved.envelope() - standing.envelope())
+        if gained > SLOW * before:
+            standing = replace(standing, near=None)
+            change, gained, left = _step(_linear(standing, setting, built), built, _fixed(standing, names))
+        before = gained
+        moved = replace(_along(standing, setting.pick, names, change), near=standing.slopes)
+        frames = _shifted(frames, bench, moved.envelope - standing.envelope)
         standing = moved
     return standing, frames
 
 
-def _linear(standing: Standing, setting: Judged, built: System) -> tuple[system.Products, list[str]]:
-    """What is uncertain, named, and behind it the explanation's unknowns."""
-    named = responses.uncertainties(standing.bench, standing.settings, standing.bench.unit if standing.unknowns else None)
-    names = [name for name, _ in named]
-    columns, about = np.array([slope[setting.pick] for _, slope in named]), standing.bench.centre(names)
+def _linear(standing: Standing, setting: Judged, built: System) -> system.Products:
+    """What is uncertain, and behind it the explanation's unknowns."""
+    columns, about = np.array([slope[setting.pick] for _, slope in standing.slopes]), standing.bench.centre([name for name, _ in standing.slopes])
     if standing.jacobian is not None:
         columns, about = np.concatenate([columns, standing.jacobian * standing.spread[:, None, None]]), np.concatenate([about, standing.off])
-    return system.products(built, built.whiten(columns), about), names
+    return system.products(built, built.whiten(columns), about)
 
 
 def _along(standing: Standing, pick: list[int], names: list[str], change: np.ndarray) -> Standing:

@@ -7,6 +7,7 @@ per channel and fold, so that any set of effects, any weighting of the channels 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -40,10 +41,12 @@ class System:
 
     def whiten(self, series: np.ndarray) -> np.ndarray:
         """(..., channels, n) in the channels' units -> whitened and weighted."""
-        found = np.empty_like(series)
+        rows = series.reshape(-1, *series.shape[-2:])
+        found = np.zeros_like(rows)
         for i in range(len(self.names)):
-            found[..., i, :] = self.floor.whiten(i, np.where(self.weight[i] > 0, series[..., i, :], 0.0)) * self.weight[i]
-        return found
+            live = rows[:, i].any(axis=1)  # what is uncertain moves a few channels only
+            found[live, i] = self.floor.whiten(i, np.where(self.weight[i] > 0, rows[live, i], 0.0)) * self.weight[i]
+        return found.reshape(series.shape)
 
     def noise_left(self, left: np.ndarray) -> np.ndarray:
         """(channels,): size of the noise in a whitened residual (channels, n), in floors."""
@@ -67,15 +70,15 @@ def chosen(names: tuple[str, ...], floor: Floor) -> list[int]:
 
 
 def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], edges_s: list[float], jumps: np.ndarray,
-          regressors: np.ndarray, losses: float = 0.0) -> System:
-    """names: the channels of floor. jumps (n,): frames in which the rate steps; regressors (m, n): inputs that an unknown effect may follow;
-    losses: relative floor of the resonator's, which open loop is one of the scale factor too."""
+          regressors: np.ndarray | None, losses: float = 0.0) -> System:
+    """names: the channels of floor. jumps (n,): frames in which the rate steps; regressors (m, n): inputs that an unknown effect may follow, None:
+    nothing unknown is asked for; losses: relative floor of the resonator's, which open loop is one of the scale factor too."""
     grid = recorded.grid
     difference = np.array([recorded[name] - base[name] for name in names])
     use = np.array([recorded.use[recorded.names.index(n)] & base.use[base.names.index(n)] for n in names])
     weight = use * _trust(base, names, floor, jumps, losses)
     empty = System(grid, names, _scaled(floor, weight, difference), weight, _folds(grid, edges_s), (), difference)
-    basis = tuple(_basis(empty, i, regressors) for i in range(len(names)))
+    basis = tuple(np.zeros((grid.count, 0)) if regressors is None else _basis(empty, i, regressors) for i in range(len(names)))
     return replace(empty, basis=basis, data=empty.whiten(difference))
 
 
@@ -161,12 +164,22 @@ class Products:
 
     def pooled(self, softening: np.ndarray, folds: list[int] | None = None) -> np.ndarray:
         """(k + 1, k + 1): channels weighted by 1/softening, summed over folds (None: all), with the priors' middles in the last row and column."""
-        chosen = self.gram if folds is None else self.gram[folds]
-        whole = np.einsum("fcij,c->ij", chosen, 1.0 / softening)
+        chosen = self._everywhere if folds is None else self.gram[folds].sum(axis=0)
+        whole = np.tensordot(1.0 / softening, chosen, 1)
         whole[-1, :-1] -= self.about
         whole[:-1, -1] -= self.about
         whole[-1, -1] += float(self.about @ self.about)
         return whole
+
+    def left(self, coefficients: np.ndarray) -> np.ndarray:
+        """(channels,): energy left by coefficients (k,) of all columns, counted from `about`."""
+        combination = np.append(-coefficients, 1.0)
+        return (self._everywhere @ combination) @ combination
+
+    @cached_property
+    def _everywhere(self) -> np.ndarray:
+        """(channels, k + 1, k + 1): over all folds."""
+        return self.gram.sum(axis=0)
 
 
 def products(system: System, columns: np.ndarray, about: np.ndarray | None = None, data: np.ndarray | None = None) -> Products:
@@ -174,12 +187,13 @@ def products(system: System, columns: np.ndarray, about: np.ndarray | None = Non
     the system's."""
     data = system.data if data is None else data
     k = len(columns)
-    gram = np.empty((FOLDS, len(system.names), k + 1, k + 1))
+    gram = np.zeros((FOLDS, len(system.names), k + 1, k + 1))
     generic = []
     for c in range(len(system.names)):
-        rows = np.concatenate([columns[:, c, :], data[None, c, :]]).T
+        rows = np.concatenate([columns[:, c, :], data[None, c, :]])
+        live = np.flatnonzero(rows.any(axis=1))
         for f in range(FOLDS):
-            part = rows[system.fold == f]
-            gram[f, c] = part.T @ part
-        generic.append(system.basis[c].T @ rows)
+            part = rows[np.ix_(live, np.flatnonzero(system.fold == f))]
+            gram[f, c][np.ix_(live, live)] = part @ part.T
+        generic.append(system.basis[c].T @ rows.T)
     return Products(gram, tuple(generic), np.zeros(k) if about is None else about)

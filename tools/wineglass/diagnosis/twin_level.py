@@ -90,6 +90,7 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
         added = noise.added(named - {noisy.FLICKER}) if named - {noisy.FLICKER} else None
         driven = noisy.device_with(driven, noise.added(named & {noisy.FLICKER}))
         recorded = noisy.undisturbed(recorded, driven, noise) if noisy.DROPPED in named else recorded
+        recorded = noisy.without_beats(recorded) if noisy.TONE in named else recorded
     bench = Bench(driven, grid, recorded.names)
     rebalancing = drive.loop_at(driven, grid.time_s)
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}), added)
@@ -98,14 +99,12 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     there, base = standing.exactly(standing.roughly(Standing(bench), setting)[0], setting)
     advance()
     followed = set[frozenset[str]]()
-    if float(np.max(standing.energy_left(there, setting, base))) < QUIET_ENOUGH:
-        look = _look(there.bench, base, setting, without, advance)
-    else:
-        look = _from_the_nominal_unit(bench, setting, without, advance)
+    start = None
+    if float(np.max(standing.energy_left(there, setting, base))) >= QUIET_ENOUGH:
+        start = _from_the_nominal_unit(bench, standing.at_bench(there, base, bench), setting, without, advance)
+    look = _look(there.bench, base, setting, without, advance) if start is None else _followed(start, setting, without, advance, followed)
     while len(followed) < LOOKS and (best := look.promising(followed)) is not None:
-        there, frames = standing.exactly(Standing(look.bench, best.unknowns, best.values, best.jacobian), setting)
-        followed.add(frozenset(best.support))
-        look = _look(there.bench, standing.without_effects(there, frames), setting, without, advance, (best, there))
+        look = _followed(_Start(best, Standing(look.bench, best.unknowns, best.values, best.jacobian)), setting, without, advance, followed)
     bench, found, table, none, closed, softening = look.bench, look.found, look.table, look.none, look.closed, look.softening
     held_none = explain.held_out(table, softening, list(found.nuisances), FARTHEST)
     _hold_out(closed, held_none, softening)
@@ -113,18 +112,29 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     return TwinAnalysis(bench.driven, grid, recorded, look.base, _picked(floor, pick), pick, bench, found, look.system, table, none, closed, softening, held_none)
 
 
-def _from_the_nominal_unit(bench: Bench, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look:
+@dataclass(frozen=True)
+class _Start:
+    """An explanation, and where it is to be followed from."""
+
+    closed: Closed
+    standing: Standing
+
+
+def _from_the_nominal_unit(bench: Bench, frames: Frames, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Start | None:
     """Where tolerances do not explain a gap they only hide its cause: singles from the described unit, each moved with the unit on the envelope twin,
-    and of those the one that leaves least."""
-    frames = standing.run(Standing(bench))
-    first = _look(bench, frames, setting, without, advance, starting=True)
-    if not first.closed:
-        return first
+    and of those the one that leaves least. frames: of the full twin there, so that what the envelope misses favours none."""
+    first = _look(bench, frames, setting, without, advance, singles=True)
     starts = [Standing(bench, entry.unknowns, entry.values, entry.jacobian) for entry in first.closed[:STARTS]]
     tried = [standing.roughly(start, setting, standing.with_effects(start, frames)) for start in starts]
-    best = int(np.argmin([float(np.sum(standing.energy_left(there, setting, near))) for there, near in tried]))
-    there, near = tried[best]
-    return _look(there.bench, standing.without_effects(there, near), setting, without, advance, (first.closed[best], there), starting=True)
+    left = [float(np.sum(standing.energy_left(there, setting, near))) for there, near in tried]
+    return _Start(first.closed[int(np.argmin(left))], tried[int(np.argmin(left))][0]) if tried else None
+
+
+def _followed(start: _Start, setting: _Setting, without: frozenset[str], advance: Callable[[], None], followed: set[frozenset[str]]) -> _Look:
+    """All explanations, about where the full twin puts this one."""
+    there, frames = standing.exactly(start.standing, setting)
+    followed.add(frozenset(start.closed.support))
+    return _look(there.bench, standing.without_effects(there, frames), setting, without, advance, known=(start.closed, there))
 
 
 @dataclass(frozen=True)
@@ -154,12 +164,11 @@ class _Look:
 
 
 def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str], advance: Callable[[], None],
-          known: tuple[Closed, Standing] | None = None, starting: bool = False) -> _Look:
-    """base: the twin's frames at the bench's unit, without effects. known: an explanation, and where it stands about this bench. starting: single
-    effects only, to begin with."""
+          known: tuple[Closed, Standing] | None = None, singles: bool = False) -> _Look:
+    """base: the twin's frames at the bench's unit, without effects. known: an explanation, and where it stands about this bench. singles: no sets."""
     found = responses.respond(bench, without)
     advance()
-    built = setting.system(bench, base)
+    built = setting.system(bench, base, unknown=True)
     columns = built.whiten(found.values[:, setting.pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
     table = system.products(built, columns, np.pad(found.centre, (0, len(columns) - len(found.centre))))
     counts = {effect: len(variants) for effect, variants in found.variants.items()}
@@ -170,11 +179,9 @@ def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str]
         assert there.jacobian is not None
         again = closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian)
         again.weigh(np.ones(len(built.names)), len(found.nuisances), counts)
-        closed = {again.support: again}
-        if not starting:
-            closed |= {entry.support: entry for entry in beside(closer, again, found, columns, counts)}
-    for entry in [] if starting and known else _worth_closing(_ranked(table, found)):
-        if entry.support not in closed and not (starting and len(entry.support) > 1):
+        closed = {again.support: again} | {entry.support: entry for entry in beside(closer, again, found, columns, counts)}
+    for entry in _worth_closing(_ranked(table, found)):
+        if entry.support not in closed and not (singles and len(entry.support) > 1):
             closed[entry.support] = closer.close(entry)
     advance()
     weighed, softening, none = _weighed(built, _with_parts(closer, list(closed.values())), table, found, counts)
@@ -191,10 +198,12 @@ class _Setting:
     edges_s: list[float]
     jumps: np.ndarray
 
-    def system(self, bench: Bench, base: Frames) -> System:
+    def system(self, bench: Bench, base: Frames, unknown: bool = False) -> System:
+        """unknown: with what an effect of no known kind may follow."""
         names = tuple(bench.names[i] for i in self.pick)
         losses = bench.driven.run.device.noise_floor.drive_level_relative
-        return system.build(self.recorded, base, self.floor, names, self.edges_s, self.jumps, regressors(bench.driven, bench, base), losses)
+        followed = regressors(bench.driven, bench, base) if unknown else None
+        return system.build(self.recorded, base, self.floor, names, self.edges_s, self.jumps, followed, losses)
 
 
 def _hold_out(closed: list[Closed], held_none: np.ndarray, softening: np.ndarray) -> None:
