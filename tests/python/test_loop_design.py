@@ -180,7 +180,7 @@ def test_unsound_gains_are_refused(gains, words):
 @pytest.mark.parametrize("arguments", [
     ["--bandwidth", "900"], ["--bandwidth", "0.01"], ["--bandwidth", "nan"], ["--bandwidth", "-5"], ["--gains", "5000", "100"],
     ["--bandwidth", "100", "--integral", "2000"], ["--mode", "pll", "--bandwidth", "500"], ["--mode", "agc", "--integral", "3"],
-    ["--gains", "100", "100", "--bandwidth", "50"], ["-o", "calibration.txt"], ["-o", "/nowhere/at/all/calibration.json"],
+    ["--gains", "100", "100", "--bandwidth", "50"], ["-o", "calibration.txt"], ["-o", "/nowhere/at/all/calibration.json"], ["--plot", "bode.html"],
 ])
 def test_command_refuses_in_one_line(arguments, capsys):
     assert cli.main(["design-loop", "metal", "--no-measure", *arguments]) == 2

@@ -57,7 +57,7 @@ def read_sweep(path: Path, rate_unit: str) -> Sweep:
         data = read_csv(path, ImportOptions(
             columns={"time": "t_s", "temperature": "temperature_degC", "rate": axis},
             unit_of={"t_s": "s", "temperature_degC": "degC", axis: rate_unit},
-            drop_rows=DROPPED_ROWS,
+            drop_rows=DROPPED_ROWS, columns_flag="column",
         ))
         rates[axis] = data.channels["rate"]
         time_s, temperature = data.time_s, data.channels["temperature_measured"]

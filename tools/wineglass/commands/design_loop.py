@@ -63,6 +63,8 @@ def _check_arguments(args: argparse.Namespace) -> None:
         raise BadInput("gains are designed or given, not both", "--gains", "leave out --bandwidth and --integral")
     if args.output is not None and args.output.suffix not in (".json", ".bin"):
         raise BadInput("unknown kind of file", args.output, "end the name in .json (values with units) or .bin (block for the firmware)")
+    if args.plot is not None and args.plot.suffix != ".png":
+        raise BadInput("unknown kind of picture", args.plot, "end the name in .png")
     for name in ("output", "plot"):
         path = getattr(args, name)
         if path is not None and not path.parent.is_dir():
