@@ -6,17 +6,17 @@ import pytest
 
 from wineglass import device as devices
 from wineglass.blind import generator
-from wineglass.blind.generator import Applied, allowance, unit
+from wineglass.blind.generator import Applied, allowance, making, unit
 from wineglass.blind.generator.allowance import Runs
+from wineglass.blind.generator.oracle import measured
 
 
 @pytest.fixture(scope="module")
-def allowed(tmp_path_factory):
-    scratch = tmp_path_factory.mktemp("allowance") / "run.h5"
+def allowed():
     case = cases.case("open")
 
     def run(quiet, fields=None):
-        return allowance.run(allowance.alike(case, quiet, fields), cases.block, scratch)
+        return allowance.run(allowance.alike(case, quiet, fields), cases.block)
 
     plain = Runs(run(True), run(False))
     moves = {one.name: (one.by, Runs(run(True, one.fields))) for one in allowance.moved(case)}
@@ -24,32 +24,42 @@ def allowed(tmp_path_factory):
     return case, allowance.gathered(plain, moves)
 
 
-def graded(allowed, folder, *effects):
+def graded(allowed, *effects):
     case, found = allowed
-    return allowance.graded(generator.Case(case.scenario, effects), cases.block, found, folder)
+    return allowance.graded(generator.Case(case.scenario, effects), cases.block, found)
 
 
 @pytest.mark.parametrize("id, variant, strength", [
     ("frequency_temperature", "slope", 0.25), ("cross_damping", "constant", 4.0), ("cross_stiffness", "constant", 0.1), ("thermometer_error", "offset", 0.1),
     ("clock_error", "constant", 20.0), ("clock_error", "constant", 400.0), ("coriolis_gain", "constant", -0.01)])
-def test_one_standard_deviation_of_a_tolerance_is_no_gap(allowed, tmp_path, id, variant, strength):
-    total, each = graded(allowed, tmp_path, Applied(id, variant, strength))
+def test_one_standard_deviation_of_a_tolerance_is_no_gap(allowed, id, variant, strength):
+    total, each = graded(allowed, Applied(id, variant, strength))
     assert total.snr < 4.0 and each == [total], f"{total.snr:.1f} in {total.channel}"
 
 
 @pytest.mark.parametrize("id, variant, strength", [
     ("cross_damping", "constant", 60.0), ("thermometer_lag", "one_pole", 1.0), ("frequency_temperature", "slope", 3.0), ("excess_noise", "white", 3.0),
     ("drive_phase", "delay", 3.0), ("vibration", "rocking", 0.3)])
-def test_what_no_healthy_unit_does_is_a_gap(allowed, tmp_path, id, variant, strength):
-    total, _ = graded(allowed, tmp_path, Applied(id, variant, strength))
+def test_what_no_healthy_unit_does_is_a_gap(allowed, id, variant, strength):
+    total, _ = graded(allowed, Applied(id, variant, strength))
     assert total.snr > 8.0, f"{total.snr:.1f} in {total.channel}"
 
 
-def test_two_effects_are_graded_one_beside_the_other(allowed, tmp_path):
+def test_two_effects_are_graded_one_beside_the_other(allowed):
     lag, clock = Applied("thermometer_lag", "one_pole", 1.0), Applied("clock_error", "constant", 20.0)
-    total, each = graded(allowed, tmp_path, lag, clock)
-    alone, _ = graded(allowed, tmp_path, lag)
+    total, each = graded(allowed, lag, clock)
+    alone, _ = graded(allowed, lag)
     assert each[0].snr == pytest.approx(alone.snr) == pytest.approx(total.snr, rel=0.05) and each[1].snr < 4.0
+
+
+@pytest.mark.parametrize("effects", [(), (Applied("firmware_mismatch", "scaled_output", 0.01), Applied("rate_reference", "scale", 0.03))])
+def test_the_oracle_looks_at_what_the_recording_holds(tmp_path, effects):
+    case = generator.Case(cases.case("open").scenario, effects)
+    generator.make(case, tmp_path / "case.h5", cases.block(case))
+    file, memory = measured(tmp_path / "case.h5"), making.looked_at(case, cases.block(case))
+    assert list(file.values) == list(memory.values) and len(file.values) > 10
+    assert all(np.array_equal(file.values[name], memory.values[name], equal_nan=True) for name in file.values)
+    assert file.per_mean == memory.per_mean and file.floor == memory.floor
 
 
 def test_moved_units_are_those_of_the_tolerances(allowed):

@@ -12,7 +12,7 @@ FOLDER = ROOT / "tools/wineglass/blind/generator"
 
 # Descriptions and scenarios as data, the recording, the wire, the calibration block's bytes.
 ALLOWED = {"wineglass", "wineglass.device", "wineglass.scenario", "wineglass.schedule", "wineglass.calibration_block", "wineglass.commands_wire",
-           "wineglass.recording", "wineglass.telemetry", "wineglass.telemetry_recording", "wineglass.wire", "wineglass.errors", "wineglass.paths"}
+           "wineglass.recording", "wineglass.recording.memory", "wineglass.telemetry", "wineglass.telemetry_recording", "wineglass.wire", "wineglass.errors", "wineglass.paths"}
 FORBIDDEN_WORDS = re.compile(r"\bsim/|twin_|resonator_cfg|wineglass\.(twin|envelope|effects|diagnosis|nominal|native|simulation)\b")
 
 

@@ -46,9 +46,7 @@ def prepare(sheets: dict[str, Sheet], folder: Path, spread: Spread, advance: Cal
 
 def measured(label: dict[str, Any], quiet: bool, fields: dict[str, Any]) -> Measured:
     """One run, in whatever process."""
-    sheet = Sheet.model_validate(label)
-    with tempfile.TemporaryDirectory() as scratch:
-        return allowance.run(allowance.alike(sheet.case(), quiet, fields), setting.calibration_block, Path(scratch) / "run.h5")
+    return allowance.run(allowance.alike(Sheet.model_validate(label).case(), quiet, fields), setting.calibration_block)
 
 
 def _gathered(wanted: dict[str, Any], found: dict[str, Measured]) -> Allowance:

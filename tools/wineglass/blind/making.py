@@ -68,14 +68,14 @@ def made(label: dict[str, Any], kept: str) -> tuple[bytes, dict[str, Any]]:
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / "case.h5"
         done = generator.make(case, path, block)
-        grade = graded(sheet, case, kept, Path(scratch)) if sheet.effects else {"snr": 0.0, "channel": "", "channels": {}, "effects": []}
+        grade = graded(sheet, case, kept) if sheet.effects else {"snr": 0.0, "channel": "", "channels": {}, "effects": []}
         return path.read_bytes(), {"sheet": label, "grade": grade, "clipped_codes": done.clipped_codes, "unit": done.truth}
 
 
-def graded(sheet: Sheet, case: generator.Case, kept: str, scratch: Path) -> dict[str, Any]:
+def graded(sheet: Sheet, case: generator.Case, kept: str) -> dict[str, Any]:
     """What is seen of all effects together beyond tolerances, and of each beside those before it."""
     allowed = allowances.of_kind(kept, sheet.kind, sheet.healthy().model_dump_json())
-    total, each = allowance.graded(case, setting.calibration_block, allowed, scratch)
+    total, each = allowance.graded(case, setting.calibration_block, allowed)
     return {**total.label(), "effects": [{"snr": one.snr, "channel": one.channel, "detectable": one.snr >= DETECTABLE} for one in each]}
 
 

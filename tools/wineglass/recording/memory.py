@@ -56,6 +56,11 @@ class MemoryTap:
         return self.form.sample_rate_hz
 
     @property
+    def channels(self) -> list[str]:
+        """Their names."""
+        return list(self.form.channels)
+
+    @property
     def length(self) -> int:
         place, columns = self.pieces[-1]
         return place + len(next(iter(columns.values())))

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from wineglass.blind.generator.case import Case
-from wineglass.blind.generator.making import describe, make
-from wineglass.blind.generator.oracle import MEDIAN_OF_SQUARE, SEEN_THROUGH, ChannelGrade, Grade, Measured, beyond, measured, white_power
+from wineglass.blind.generator.making import describe, looked_at
+from wineglass.blind.generator.oracle import MEDIAN_OF_SQUARE, SEEN_THROUGH, ChannelGrade, Grade, Measured, beyond, white_power
 from wineglass.blind.generator.unit import FARTHEST, Nudge, at, nudges
 
 NOISE_SEED = 20
@@ -35,9 +35,10 @@ NOISE_LIKE = ("excess_noise", "clock_jitter")
 
 def alike(case: Case, quiet: bool, fields: Mapping[str, Any] | None = None) -> Case:
     """The case on the described unit and with the same floors as all others; what the effects draw stays theirs. quiet: without noise and steps of converters, which
-    come out others as soon as the carrier's phase does; fields: moved ones."""
+    come out others as soon as the carrier's phase does; fields: moved ones. Raw bursts are not looked at, so there are none."""
     override = {**case.scenario.override, **QUIET} if quiet else case.scenario.override
-    scenario = case.scenario.model_copy(update={"override": override})
+    bursts = case.scenario.recording.model_copy(update={"bursts": []})
+    scenario = case.scenario.model_copy(update={"override": override, "recording": bursts})
     return replace(case, scenario=scenario, seed=case.draw, noise_seed=NOISE_SEED, another_unit=False, noise_factor=1.0, lost_fraction=0.0,
                    fields=fields or {}, paced=True)
 
@@ -56,10 +57,9 @@ def makes_noise(case: Case) -> bool:
     return any(one.id in NOISE_LIKE for one in case.effects)
 
 
-def run(case: Case, calibration: Callable[[Case], bytes], scratch: Path) -> Measured:
-    """One run, measured; `scratch` is overwritten."""
-    make(case, scratch, calibration(case))
-    return measured(scratch)
+def run(case: Case, calibration: Callable[[Case], bytes]) -> Measured:
+    """One run, measured."""
+    return looked_at(case, calibration(case))
 
 
 @dataclass(frozen=True)
@@ -191,16 +191,16 @@ class Allowance:
         return found[1]
 
 
-def graded(case: Case, calibration: Callable[[Case], bytes], allowance: Allowance, folder: Path) -> tuple[Grade, list[Grade]]:
+def graded(case: Case, calibration: Callable[[Case], bytes], allowance: Allowance) -> tuple[Grade, list[Grade]]:
     """Of all effects of the case together (or of the largest, where one is enough), and of each beside those before it. calibration: the block of a case's device"""
-    plain, scratch = allowance.whitening.plain, folder / "allowance.h5"
+    plain = allowance.whitening.plain
 
     def runs(count: int, off: dict[str, float], noisy: bool) -> Runs:
         """With the first effects, on the unit that lies so far off."""
         if not off and not count:
             return plain
         some, fields = replace(case, effects=case.effects[:count]), at(describe(case), off) if off else {}
-        return Runs(run(alike(some, True, fields), calibration, scratch), run(alike(some, False, fields), calibration, scratch) if noisy else plain.noisy)
+        return Runs(run(alike(some, True, fields), calibration), run(alike(some, False, fields), calibration) if noisy else plain.noisy)
 
     whole, noisy = len(case.effects), makes_noise(case)
     steps = [runs(count, {}, noisy) for count in range(whole + 1)]

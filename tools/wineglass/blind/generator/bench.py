@@ -15,6 +15,7 @@ from wineglass.calibration_block import from_binary, to_json
 from wineglass.commands_wire import CommandEncoder
 from wineglass.device import Device
 from wineglass.recording import RecordingMeta, RecordingWriter, TapFormat, float_format
+from wineglass.recording.memory import MemoryRecording
 from wineglass.scenario import Burst, Plant as NoPlant
 from wineglass.schedule import Command, SyncPulse
 from wineglass.telemetry import Decoder, Identity
@@ -29,21 +30,36 @@ def record(world: World, plant: Plant, path: Path, calibration: bytes, described
            progress: Callable[[int], None] | None = None) -> float:
     """Runs the whole day and writes the recording. described: what the recording says of the device. Returns the seconds it took."""
     begin = time.monotonic()
+    first = _powered_up(world, plant)
+    with RecordingWriter(path, _meta(world, calibration, described, first)) as writer:
+        _write_events(world, writer)
+        _fill(writer, world, plant, first, lost_fraction, progress or (lambda done: None))
+    return time.monotonic() - begin
+
+
+def remember(world: World, plant: Plant) -> MemoryRecording:
+    """The same day without a file: slow taps only, nothing lost."""
+    first = _powered_up(world, plant)
+    memory = MemoryRecording(world.described.electronics.sample_rate_hz)
+    _fill(memory, world, plant, first, 0.0, lambda done: None)
+    return memory
+
+
+def _powered_up(world: World, plant: Plant) -> bytes:
+    """What the device says first, once it is told how often to report."""
     scenario = world.scenario.recording
     plant.command(CommandEncoder().divisors(_divisor(world, scenario.baseband_hz), _divisor(world, scenario.output_hz)))
     plant.poll()
-    first = plant.telemetry()
-    line = _Line(world, lost_fraction)
-    with RecordingWriter(path, _meta(world, calibration, described, first)) as writer:
-        recorder = TelemetryRecorder(_Patched(writer, world) if world.output_patches else writer)
-        recorder.feed(first)
-        _write_events(world, writer)
-        for done in _stretches(world, plant):
-            recorder.feed(line.carry(plant.telemetry()))
-            if progress is not None:
-                progress(done)
-        _write_reference(world, writer)
-    return time.monotonic() - begin
+    return plant.telemetry()
+
+
+def _fill(writer: RecordingWriter | MemoryRecording, world: World, plant: Plant, first: bytes, lost_fraction: float, progress: Callable[[int], None]) -> None:
+    line, recorder = _Line(world, lost_fraction), TelemetryRecorder(_Patched(writer, world) if world.output_patches else writer)
+    recorder.feed(first)
+    for done in _stretches(world, plant):
+        recorder.feed(line.carry(plant.telemetry()))
+        progress(done)
+    _write_reference(world, writer)
 
 
 def _divisor(world: World, rate_hz: float) -> int:
@@ -102,7 +118,7 @@ def _ask(item: Burst | Command, world: World, plant: Plant, encoder: CommandEnco
     plant.poll()
 
 
-def _write_reference(world: World, writer: RecordingWriter) -> None:
+def _write_reference(world: World, writer: RecordingWriter | MemoryRecording) -> None:
     """Means over each interval, at its middle, as the bench's instruments have them."""
     divisor, bench = _divisor(world, world.scenario.recording.reference_hz), world.bench
     if divisor == 0 or world.n_blocks < divisor:
@@ -148,7 +164,7 @@ def _is_mean(packet: bytes) -> bool:
 class _Patched:
     """A writer that passes everything on, the output tap changed."""
 
-    def __init__(self, writer: RecordingWriter, world: World):
+    def __init__(self, writer: RecordingWriter | MemoryRecording, world: World):
         self._writer, self._world = writer, world
 
     def append(self, tap: str, data: dict[str, np.ndarray], first_sample: int, **more: Any) -> None:

@@ -11,7 +11,7 @@ from wineglass import device as devices
 from wineglass.blind.generator import bench, unit
 from wineglass.blind.generator.case import Case, Made
 from wineglass.blind.generator.effects import apply
-from wineglass.blind.generator.oracle import Grade, grade
+from wineglass.blind.generator.oracle import Grade, Measured, grade, measured_of
 from wineglass.blind.generator.plant import Plant
 from wineglass.blind.generator.world import World
 from wineglass.device import Device
@@ -22,12 +22,23 @@ def make(case: Case, path: str | Path, calibration: bytes, progress: Callable[[i
     described = describe(case)
     fields = drawn_fields(case, described)
     world = world_of(case, described, fields)
-    stored = calibration
-    for patch in world.calibration_patches:
-        stored = patch(stored)
-    with Plant(world, stored) as plant:
+    with _plant(world, calibration) as plant:
         elapsed = bench.record(world, plant, Path(path), calibration, unit.noisier(described, case.noise_factor), case.lost_fraction, progress)
         return Made(str(path), plant.clipped, elapsed, fields)
+
+
+def looked_at(case: Case, calibration: bytes) -> Measured:
+    """What the oracle looks at of a case, without a file in between."""
+    described = describe(case)
+    world = world_of(case, described, drawn_fields(case, described))
+    with _plant(world, calibration) as plant:
+        return measured_of(bench.remember(world, plant), described)
+
+
+def _plant(world: World, calibration: bytes) -> Plant:
+    for patch in world.calibration_patches:
+        calibration = patch(calibration)
+    return Plant(world, calibration)
 
 
 def describe(case: Case) -> Device:

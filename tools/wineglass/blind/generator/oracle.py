@@ -11,6 +11,7 @@ import numpy as np
 from wineglass import device as devices
 from wineglass.device import Device
 from wineglass.recording import Recording
+from wineglass.recording.memory import MemoryRecording
 
 TAPS = ("baseband", "output", "reference")
 SEEN_THROUGH = {"true_rate": "rate", "chamber_temperature": "temperature_measured", "shell_temperature": "temperature_measured"}
@@ -80,15 +81,20 @@ class Measured:
 def measured(path: Path) -> Measured:
     """The reference counts, too: what is wrong may be in it."""
     with Recording.open(path) as recording:
-        device, found = devices.loads(recording.device_toml), Measured({}, {}, {})
-        for tap in (recording.tap(name) for name in TAPS if name in recording.taps):
-            used = tap.time_s >= SETTLED_S
-            for name in tap.channels:
-                if name not in SKIP:
-                    found.values[name] = np.asarray(tap[name], float)[used]
-                    found.per_mean[name] = max(1, round(MEAN_S * tap.sample_rate_hz))
-                    found.floor[name] = described_floor(device, name)
-        return found
+        return measured_of(recording, devices.loads(recording.device_toml))
+
+
+def measured_of(recording: Recording | MemoryRecording, device: Device) -> Measured:
+    """The same of an open recording. device: as it is described"""
+    found = Measured({}, {}, {})
+    for tap in (recording.tap(name) for name in TAPS if name in recording):
+        used = tap.time_s >= SETTLED_S
+        for name in tap.channels:
+            if name not in SKIP:
+                found.values[name] = np.asarray(tap[name], float)[used]
+                found.per_mean[name] = max(1, round(MEAN_S * tap.sample_rate_hz))
+                found.floor[name] = described_floor(device, name)
+    return found
 
 
 def grade(with_effects: Path, without: Path) -> Grade:
