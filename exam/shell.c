@@ -23,17 +23,15 @@ static struct motion motion_of(const struct exam_shell *s, double w, double h)
                              by_place * (s->stiffness[1][1] - centrifugal), -h * s->damping[1][1]}}};
 }
 
-/* out = Z in + diagonal. */
+/* out = Z in + diagonal, two columns at a time; out may be in. */
 static void horner(const struct motion *z, double in[4][4], double diagonal, double out[4][4])
 {
-    for (int c = 0; c < 4; c++) {
-        out[0][c] = z->turn * in[1][c];
-        out[2][c] = z->turn * in[3][c];
-    }
-    for (int half = 0; half < 2; half++) {
-        const double *row = z->row[half];
-        for (int c = 0; c < 4; c++) {
-            out[2 * half + 1][c] = row[0] * in[0][c] + row[1] * in[1][c] + row[2] * in[2][c] + row[3] * in[3][c];
+    for (int c = 0; c < 4; c += 2) {
+        exam_pair x1 = exam_pair_at(&in[0][c]), v1 = exam_pair_at(&in[1][c]), x2 = exam_pair_at(&in[2][c]), v2 = exam_pair_at(&in[3][c]);
+        exam_pair rows[4] = {z->turn * v1, z->row[0][0] * x1 + z->row[0][1] * v1 + z->row[0][2] * x2 + z->row[0][3] * v2,
+                             z->turn * v2, z->row[1][0] * x1 + z->row[1][1] * v1 + z->row[1][2] * x2 + z->row[1][3] * v2};
+        for (int row = 0; row < 4; row++) {
+            memcpy(&out[row][c], &rows[row], sizeof rows[row]);
         }
     }
     for (int i = 0; i < 4; i++) {
@@ -48,12 +46,10 @@ static void phi_of(const struct motion *z, double phi[4][4])
     for (int k = 1; k <= terms; k++) {
         coefficient[k] = coefficient[k - 1] / (k + 1);
     }
-    double sum[4][4] = {{0.0}}, next[4][4];
+    memset(phi, 0, 4 * sizeof *phi);
     for (int k = terms; k >= 0; k--) {
-        horner(z, sum, coefficient[k], next);
-        memcpy(sum, next, sizeof sum);
+        horner(z, phi, coefficient[k], phi);
     }
-    memcpy(phi, sum, sizeof sum);
 }
 
 /* A force that acts over the last `h` of the period: phi h B, B = (0, f1/w, 0, f2/w). */
