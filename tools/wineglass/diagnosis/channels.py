@@ -8,6 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from scipy.interpolate import CubicSpline
+
 from wineglass.diagnosis import own_line
 from wineglass.recording.memory import Samples, Source
 from wineglass.wire import Status
@@ -15,6 +17,8 @@ from wineglass.wire import Status
 FRAME_S = 0.25  # about; a whole number of samples of the slowest tap
 MOST_FRAMES = 8000
 SETTLING_S = 1.0  # after the first lock
+LONGEST_GAP, LEAST_FOR_SPLINE = 3, 8  # samples: lost ones that are bridged, and those that a spline needs
+MOST_BENT = 5.0  # times the usual second difference
 BASEBAND = ("primary_in_phase", "primary_quadrature", "drive_frequency", "drive_level", "secondary_in_phase", "secondary_quadrature",
             "rebalance_in_phase", "rebalance_quadrature")
 OUTPUT = ("rate_uncompensated", "rate", "quadrature", "temperature_measured")
@@ -38,12 +42,13 @@ class Grid:
 
 @dataclass(frozen=True)
 class Frames:
-    """values (channels, n); use (channels, n): the mean is sound."""
+    """values (channels, n); use (channels, n): the mean is sound; bridged (n,): lost samples are in it, None: nowhere."""
 
     grid: Grid
     names: tuple[str, ...]
     values: np.ndarray
     use: np.ndarray
+    bridged: np.ndarray | None = None
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.values[self.names.index(name)]
@@ -77,17 +82,43 @@ def read(recording: Source, grid: Grid) -> Frames:
     sound = _sound(recording, grid)
     values = np.array([row[0] for row in rows.values()]).reshape(len(rows), grid.count)
     use = np.array([row[1] & sound for row in rows.values()]).reshape(len(rows), grid.count)
-    return Frames(grid, tuple(rows), values, use)
+    return Frames(grid, tuple(rows), values, use, _with_losses(recording, grid))
 
 
 def _means(tap: Samples, values: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
-    """Means (n,) and which of them have at least half of their samples."""
+    """Means (n,), and which of them are of all their samples, short gaps bridged."""
     place = np.floor(tap.time_s / grid.frame_s + 1e-9).astype(int) - grid.first
-    there = np.isfinite(values) & (place >= 0) & (place < grid.count)
-    count = np.bincount(place[there], minlength=grid.count)
+    inside = (place >= 0) & (place < grid.count)
+    values = _bridged(tap.time_s, values)
+    there = np.isfinite(values) & inside
+    slots, count = (np.bincount(place[chosen], minlength=grid.count) for chosen in (inside, there))
     total = np.bincount(place[there], values[there], minlength=grid.count)
     usual = max(1.0, grid.frame_s * tap.sample_rate_hz)
-    return total / np.maximum(count, 1), count >= 0.5 * usual
+    return total / np.maximum(count, 1), (count == slots) & (count >= 0.5 * usual)
+
+
+def _bridged(time_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Lost samples from a cubic spline through their neighbours: the mean of those that are left would be that of another time. Where a straight line
+    says something else, too much happened to tell."""
+    there = np.isfinite(values)
+    if there.all() or np.count_nonzero(there) < LEAST_FOR_SPLINE:
+        return values
+    known = np.flatnonzero(there)
+    gaps = np.diff(known) - 1
+    found = values.copy()
+    lost = np.concatenate([known[i] + 1 + np.arange(gaps[i]) for i in np.flatnonzero((gaps > 0) & (gaps <= LONGEST_GAP))] or [np.zeros(0, int)])
+    bent, straight = CubicSpline(time_s[known], values[known])(time_s[lost]), np.interp(time_s[lost], time_s[known], values[known])
+    usual = float(np.median(np.abs(np.diff(values[known], 2))))
+    found[lost] = np.where(np.abs(bent - straight) <= MOST_BENT * usual, bent, np.nan)
+    return found
+
+
+def _with_losses(recording: Source, grid: Grid) -> np.ndarray | None:
+    if "baseband" not in recording or recording.tap("baseband").valid.all():
+        return None
+    tap = recording.tap("baseband")
+    place = np.floor(tap.time_s[~tap.valid] / grid.frame_s + 1e-9).astype(int) - grid.first
+    return np.bincount(place[(place >= 0) & (place < grid.count)], minlength=grid.count) > 0
 
 
 def _sound(recording: Source, grid: Grid) -> np.ndarray:

@@ -38,7 +38,7 @@ def undisturbed(recorded: Frames, driven: Driven, noise: NoiseEvidence) -> Frame
         shaken |= (time_s > begin - recorded.grid.frame_s) & (time_s < end + recorded.grid.frame_s)
     if np.mean(shaken) > MOST_MASKED:
         shaken[:] = True
-    return Frames(recorded.grid, recorded.names, recorded.values, recorded.use & ~shaken)
+    return replace(recorded, use=recorded.use & ~shaken)
 
 
 def without_beats(recorded: Frames) -> Frames:
@@ -47,4 +47,4 @@ def without_beats(recorded: Frames) -> Frames:
     use = recorded.use.copy()
     for i, name in enumerate(recorded.names):
         use[i] &= not name.startswith(FED)
-    return Frames(recorded.grid, recorded.names, recorded.values, use)
+    return replace(recorded, use=use)

@@ -27,7 +27,8 @@ NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference", "
 """Effects whose mean over a frame is nothing, or that are over within a few: diagnosis/noise_level.py looks for them."""
 STEP_S = 0.04  # of the envelope twin
 SLOPE_STEP = 0.02  # standard deviations
-WANDER, WANDER_TERMS = "wander of ", 24
+WANDER, WANDER_TERMS = "wander of ", {"losses": 48}
+USUAL_TERMS = 24
 WANDER_PROBE, WANDER_PROBE_RAD_S = 1e-3, 1e-5
 REACH = 10.0  # prior of a strength: so many times its typical size
 OFFSET_S = 1e-3  # between the clocks of rate table and device
@@ -186,9 +187,9 @@ def _slopes(bench: Bench, settings: Sequence[Setting], about: Unit, at: np.ndarr
 def _wander(bench: Bench) -> list[tuple[str, np.ndarray]]:
     """What the description's noise floors allow a healthy device to wander slowly: cosines over the record, as large as their share of flicker noise."""
     n, found = bench.grid.count, []
-    order = np.arange(1, WANDER_TERMS + 1)
-    waves = np.cos(np.pi * np.outer(order, np.arange(n) + 0.5) / n) * np.sqrt(2.0 / (FLAT_ALLAN * order))[:, None]
     for source, response in _slow_sources(bench).items():
+        order = np.arange(1, WANDER_TERMS.get(source, USUAL_TERMS) + 1)
+        waves = np.cos(np.pi * np.outer(order, np.arange(n) + 0.5) / n) * np.sqrt(2.0 / (FLAT_ALLAN * order))[:, None]
         found += [(f"{WANDER}{source} {k}", response * wave) for k, wave in zip(order, waves, strict=True)]
     return found
 

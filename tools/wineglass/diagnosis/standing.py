@@ -161,7 +161,7 @@ def _shifted(frames: Frames, bench: Bench, by: np.ndarray) -> Frames:
     values = frames.values.copy()
     for name, row in zip(bench.names, by, strict=True):
         values[frames.names.index(name)] += row
-    return Frames(frames.grid, frames.names, values, frames.use)
+    return replace(frames, values=values)
 
 
 def _moved(standing: Standing, setting: Judged, frames: Frames, enough: float, rounds: int) -> tuple[Standing, Frames]:

@@ -23,6 +23,8 @@ JUMP = 1e-3  # of the change from frame to frame, where the rate steps: recorded
 SETTLING = ("primary_in_phase", "drive_level", "drive_frequency")
 REDUNDANT = ("rate_uncompensated", "rate", "quadrature")
 """what the firmware computes from the baseband: the same noise again"""
+BALANCED, UNBALANCED = ("primary_quadrature",), 2.0
+"""channels whose noise is taken back within milliseconds by a loop: where a part of it is lost the rest stands out, by so many floors more"""
 SMOOTH_TERMS = 20
 
 
@@ -77,6 +79,9 @@ def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], 
     difference = np.array([recorded[name] - base[name] for name in names])
     use = np.array([recorded.use[recorded.names.index(n)] & base.use[base.names.index(n)] for n in names])
     weight = use * _trust(base, names, floor, jumps, losses)
+    for name in (n for n in names if n in BALANCED):
+        place = names.index(name)
+        weight[place] /= 1.0 + UNBALANCED * _after(~use[place] if recorded.bridged is None else ~use[place] | recorded.bridged)
     empty = System(grid, names, _scaled(floor, weight, difference), weight, _folds(grid, edges_s), (), difference)
     basis = tuple(np.zeros((grid.count, 0)) if regressors is None else _basis(empty, i, regressors) for i in range(len(names)))
     return replace(empty, basis=basis, data=empty.whiten(difference))
@@ -122,6 +127,11 @@ def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray
             noise = np.hypot(noise, LOSSES * losses * np.abs(base[name]))
         weight[i] = floor.innovation[i] / noise
     return weight
+
+
+def _after(gap: np.ndarray) -> np.ndarray:
+    """(n,): 1 in frames with a gap in them or shortly before them."""
+    return np.maximum.reduce([np.concatenate([np.zeros(k), gap[: len(gap) - k]]) for k in range(SHORT_ORDER + 1)])
 
 
 def _folds(grid: Grid, edges_s: list[float]) -> np.ndarray:

@@ -228,7 +228,7 @@ def _where_it_counts(recorded: Frames, rebalancing: np.ndarray) -> Frames:
         loop = floors.counts_in(name)
         if loop is not None:
             use[i] &= (rebalancing == (loop == "rebalance")) & ~changing
-    return Frames(recorded.grid, recorded.names, recorded.values, use)
+    return replace(recorded, use=use)
 
 
 def _picked(floor: Floor, pick: list[int]) -> Floor:
