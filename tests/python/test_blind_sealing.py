@@ -125,7 +125,7 @@ def no_allowances(monkeypatch):
 
 
 def fake(label, kept):
-    assert kept
+    assert bool(kept) == bool(label["effects"])
     return b"recording of " + label["name"].encode(), sets.label(Sheet.model_validate(label))
 
 
@@ -148,6 +148,29 @@ def test_making_goes_on_after_an_interruption(tmp_path, monkeypatch, no_allowanc
     assert len(count) == len(set(count)) == 6 and folders.recording(count[0]).stat().st_mtime_ns == kept
     assert seal == sealing.file_digest(folders.recordings / sealing.MANIFEST) == making.make(wishes, folders, Spread(0))
     assert len(sealing.opened(folders.recordings, folders.sealed)) == 6
+
+
+def test_an_allowance_is_named_after_all_that_goes_into_it(tmp_path, monkeypatch):
+    one = sets.sheet("case_0001", "single", ("ageing", "linear"))
+    alike = sets.sheet("case_0002", "single", ("cross_damping", "slope"), factor=3.0, seed=77)
+    names = [making.allowances.place(sheet, tmp_path).name for sheet in (one, alike, one.model_copy(update={"loop": "rebalance"}),
+             one.model_copy(update={"device": "paper"}), one.model_copy(update={"protocol": "table"}))]
+    assert names[0] == names[1] and len(set(names)) == 4
+    monkeypatch.setattr(making.allowances, "_program", lambda: "of tomorrow")
+    assert making.allowances.place(one, tmp_path).name not in names
+
+
+def test_allowances_are_made_kind_by_kind_and_kept(tmp_path, monkeypatch):
+    seen, sheets = [], [sets.sheet(f"case_{n}", "single", ("ageing", "linear"), loop=loop) for n, loop in enumerate(["open", "rebalance", "open"])]
+    monkeypatch.setattr(making.allowances, "measured", lambda label, quiet, fields: seen.append((label["name"], quiet)))
+    monkeypatch.setattr(making.allowances, "_gathered", lambda wanted, found: sorted(found))
+    monkeypatch.setattr(making.allowances.allowance, "save", lambda found, folder: (folder / "runs").write_text(" ".join(found)))
+    missing = making.allowances.missing(sheets, tmp_path)
+    assert len(missing) == 2
+    making.allowances.prepare(missing, Spread(0))
+    assert making.allowances.missing(sheets, tmp_path) == {} and {name for name, _ in seen} == {"metal-fast_full_open", "metal-fast_full_rebalance"}
+    runs = (making.allowances.place(sheets[0], tmp_path) / "runs").read_text().split()
+    assert len(runs) == len(seen) / 2 > 15 and {"quiet", "noisy"} <= set(runs)
 
 
 def test_a_folder_holds_one_set(tmp_path, monkeypatch, no_allowances):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import secrets
 import tempfile
+import time
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -26,8 +27,13 @@ PLAN = "plan.json"
 def steps(wishes: Wishes, folders: Folders) -> int:
     """How much `make` will have advanced by at its end."""
     sheets = draw(wishes)
-    missing = {} if is_sealed(folders) else allowances.kinds(sheets, folders.allowances)
+    missing = {} if is_sealed(folders) else allowances.missing(unmade(sheets, folders), folders.allowances)
     return len(sheets) + sum(len(allowances.runs_of(sheet)) for sheet in missing.values())
+
+
+def unmade(sheets: list[Sheet], folders: Folders) -> list[Sheet]:
+    """Those whose label is not there yet: it is written after the recording."""
+    return [sheet for sheet in sheets if not ((folders.sealed / f"{sheet.name}.json").is_file() and folders.recording(sheet.name).is_file())]
 
 
 def is_sealed(folders: Folders) -> bool:
@@ -43,11 +49,11 @@ def make(wishes: Wishes, folders: Folders, spread: Spread, advance: Callable[[in
     if is_sealed(folders):
         advance(len(sheets))
         return sealing.file_digest(folders.recordings / sealing.MANIFEST)
-    left = [sheet for sheet in sheets if not _is_done(sheet, folders)]
+    left = unmade(sheets, folders)
     advance(len(sheets) - len(left))
-    allowances.prepare(allowances.kinds(sheets, folders.allowances), folders.allowances, spread, advance)
-    kept = str(folders.allowances.resolve())
-    tasks = [(sheet.name, lambda sheet=sheet: (sheet.label(), kept)) for sheet in sorted(left, key=_longest_first)]
+    allowances.prepare(allowances.missing(left, folders.allowances), spread, advance)
+    kept = allowances.places(left, folders.allowances.resolve())
+    tasks = [(sheet.name, lambda sheet=sheet: (sheet.label(), str(kept.get(sheet.kind, "")))) for sheet in sorted(left, key=_longest_first)]
     for name, (recording, label) in scheduling.results(made, tasks, spread):
         write_bytes(folders.recording(name), recording)
         write_text(folders.sealed / f"{name}.json", json.dumps({"salt": secrets.token_hex(16), "label": label}) + "\n")
@@ -62,26 +68,22 @@ def _longest_first(sheet: Sheet) -> tuple[int, bool]:
 
 
 def made(label: dict[str, Any], kept: str) -> tuple[bytes, dict[str, Any]]:
-    """One case, in whatever process: the recording's bytes, and the label with what the oracle says of it. kept: folder of the allowances."""
-    sheet = Sheet.model_validate(label)
+    """One case, in whatever process: the recording's bytes, and the label with what the oracle says of it. kept: folder of its kind's allowance."""
+    begin, sheet = time.process_time(), Sheet.model_validate(label)
     case, block = sheet.case(), sheet.block()
     with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch) / "case.h5"
         done = generator.make(case, path, block)
         grade = graded(sheet, case, kept) if sheet.effects else {"snr": 0.0, "channel": "", "channels": {}, "effects": []}
-        return path.read_bytes(), {"sheet": label, "grade": grade, "clipped_codes": done.clipped_codes, "unit": done.truth}
+        return path.read_bytes(), {"sheet": label, "grade": grade, "clipped_codes": done.clipped_codes, "unit": done.truth,
+                                   "cpu_s": round(time.process_time() - begin, 3)}
 
 
 def graded(sheet: Sheet, case: generator.Case, kept: str) -> dict[str, Any]:
     """What is seen of all effects together beyond tolerances, and of each beside those before it."""
-    allowed = allowances.of_kind(kept, sheet.kind, sheet.healthy().model_dump_json())
+    allowed = allowances.of_kind(kept, sheet.healthy().model_dump_json())
     total, each = allowance.graded(case, setting.calibration_block, allowed)
     return {**total.label(), "effects": [{"snr": one.snr, "channel": one.channel, "detectable": one.snr >= DETECTABLE} for one in each]}
-
-
-def _is_done(sheet: Sheet, folders: Folders) -> bool:
-    """The label is written after the recording."""
-    return (folders.sealed / f"{sheet.name}.json").is_file() and folders.recording(sheet.name).is_file()
 
 
 def _keep_plan(wishes: Wishes, folders: Folders) -> None:

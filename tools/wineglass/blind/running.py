@@ -25,7 +25,7 @@ def run(folders: Folders, engine: str, spread: Spread, advance: Callable[[int], 
     cases = sealing.check_recordings(folders.recordings)
     target = folders.results(engine)
     target.mkdir(parents=True, exist_ok=True)
-    left = [name for name in cases if not _is_answered(target / f"{name}.json", cases[name]["recording"])]
+    left = unanswered(folders, engine, cases)
     advance(len(cases) - len(left))
     state = code_state()
     tasks = [(name, lambda name=name: (engine, folders.recording(name).read_bytes())) for name in left]
@@ -34,6 +34,11 @@ def run(folders: Folders, engine: str, spread: Spread, advance: Callable[[int], 
         write_text(target / f"{name}.json", json.dumps(entry, indent=1, allow_nan=False) + "\n")
         advance(1)
     return results.write(target, sorted(cases))
+
+
+def unanswered(folders: Folders, engine: str, cases: dict[str, dict[str, str]]) -> list[str]:
+    """cases: of the manifest"""
+    return [name for name in cases if not _is_answered(folders.results(engine) / f"{name}.json", cases[name]["recording"])]
 
 
 def code_state() -> dict[str, str]:

@@ -8,10 +8,12 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from wineglass.blind.extra import need
 from wineglass.errors import BadInput
+
+Key = TypeVar("Key")
 
 ATTEMPTS = 5  # workers that one task may see die
 AHEAD = 4  # tasks on their way per worker: recordings are not all held in memory at once
@@ -26,7 +28,7 @@ class Spread:
     scheduler: str = ""
 
 
-def results(function: Callable[..., Any], tasks: Sequence[tuple[str, Callable[[], tuple]]], spread: Spread) -> Iterator[tuple[str, Any]]:
+def results(function: Callable[..., Any], tasks: Sequence[tuple[Key, Callable[[], tuple]]], spread: Spread) -> Iterator[tuple[Key, Any]]:
     """(key, function(*arguments())) of every task as it ends. arguments: called when the task's turn comes. Exceptions come out of here."""
     if spread.jobs == 0 and not spread.scheduler:
         for key, arguments in tasks:
@@ -36,7 +38,7 @@ def results(function: Callable[..., Any], tasks: Sequence[tuple[str, Callable[[]
         yield from _flow(client, function, tasks)
 
 
-def _flow(client: Any, function: Callable[..., Any], tasks: Sequence[tuple[str, Callable[[], tuple]]]) -> Iterator[tuple[str, Any]]:
+def _flow(client: Any, function: Callable[..., Any], tasks: Sequence[tuple[Key, Callable[[], tuple]]]) -> Iterator[tuple[Key, Any]]:
     """A few tasks per worker at a time."""
     distributed = need("distributed")
     waiting, keys = iter(tasks), {}
@@ -44,9 +46,10 @@ def _flow(client: Any, function: Callable[..., Any], tasks: Sequence[tuple[str, 
 
     def more() -> None:
         while len(keys) < AHEAD * max(1, len(client.scheduler_info(n_workers=-1)["workers"])):
-            key, arguments = next(waiting, ("", None))
-            if arguments is None:
+            task = next(waiting, None)
+            if task is None:
                 return
+            key, arguments = task
             future = client.submit(function, *arguments(), pure=False)
             keys[future.key] = key
             running.add(future)

@@ -66,20 +66,27 @@ def _spread(args: argparse.Namespace) -> Spread:
 
 
 def _make(args: argparse.Namespace, console: Console) -> int:
-    from wineglass.blind.draw import Wishes
-    from wineglass.blind.making import make, steps
+    from wineglass.blind.draw import Wishes, draw
+    from wineglass.blind.making import make, steps, unmade
     from wineglass.errors import BadInput
 
     if args.cases < 1:
         raise BadInput(f"{args.cases} cases", "--cases", "give 1 or more")
     chosen = {name: tuple(value) for name, value in (("tiers", args.tier), ("protocols", args.protocol)) if value}
     wishes = Wishes(args.cases, args.seed, args.device, **chosen)
+    _goes_on(args.cases - len(unmade(draw(wishes), _folders(args))), args.cases, "recordings", console)
     with console.progress("making", total=steps(wishes, _folders(args))) as bar:
         seal = make(wishes, _folders(args), _spread(args), bar.advance)
     console.print(f"{args.cases} recordings in {args.folder / 'recordings'}, their labels in {_folders(args).sealed}")
     console.print(f"seal: {seal}")
     console.json({"cases": args.cases, "seal": seal})
     return 0
+
+
+def _goes_on(done: int, total: int, what: str, console: Console) -> None:
+    """After an interruption, or where there is nothing to do."""
+    if done:
+        console.print(f"{done} of {total} {what} are there already" + (", going on" if done < total else ""))
 
 
 def _run(args: argparse.Namespace, console: Console) -> int:
@@ -90,7 +97,9 @@ def _run(args: argparse.Namespace, console: Console) -> int:
     if args.engine not in engines.ENGINES:
         raise BadInput(f"no engine '{args.engine}'", "--engine", f"choose one of {', '.join(engines.ENGINES)}")
     folders.need_root()
-    with console.progress("diagnosing", total=len(sealing.manifest(folders.recordings))) as bar:
+    cases = sealing.manifest(folders.recordings)
+    _goes_on(len(cases) - len(running.unanswered(folders, args.engine, cases)), len(cases), "answers", console)
+    with console.progress("diagnosing", total=len(cases)) as bar:
         table = running.run(folders, args.engine, _spread(args), bar.advance)
     failed = _failed(table.parent, console)
     console.print(f"written: {table}")
