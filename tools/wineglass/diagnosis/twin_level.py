@@ -98,13 +98,14 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid))
     there, base = standing.exactly(standing.roughly(Standing(bench), setting)[0], setting)
     advance()
-    followed = set[frozenset[str]]()
     start = None
     if float(np.max(standing.energy_left(there, setting, base))) >= QUIET_ENOUGH:
-        start = _from_the_nominal_unit(bench, standing.at_bench(there, base, bench), setting, without, advance)
-    look = _look(there.bench, base, setting, without, advance) if start is None else _followed(start, setting, without, advance, followed)
+        start = _start([(there.bench, base), (bench, standing.at_bench(there, base, bench))], setting, without, advance)
+    followed = set() if start is None else {frozenset(start.closed.support)}
+    look = _look(there.bench, base, setting, without, advance) if start is None else _followed(start.closed, start.standing, setting, without, advance)
     while len(followed) < LOOKS and (best := look.promising(followed)) is not None:
-        look = _followed(_Start(best, Standing(look.bench, best.unknowns, best.values, best.jacobian)), setting, without, advance, followed)
+        look = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), setting, without, advance)
+        followed.add(frozenset(best.support))
     bench, found, table, none, closed, softening = look.bench, look.found, look.table, look.none, look.closed, look.softening
     held_none = explain.held_out(table, softening, list(found.nuisances), FARTHEST)
     _hold_out(closed, held_none, softening)
@@ -114,27 +115,31 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
 
 @dataclass(frozen=True)
 class _Start:
-    """An explanation, and where it is to be followed from."""
+    """An explanation, where it is to be followed from, and what the envelope twin says that it leaves (channels,)."""
 
     closed: Closed
     standing: Standing
+    left: np.ndarray
 
 
-def _from_the_nominal_unit(bench: Bench, frames: Frames, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Start | None:
-    """Where tolerances do not explain a gap they only hide its cause: singles from the described unit, each moved with the unit on the envelope twin,
-    and of those the one that leaves least. frames: of the full twin there, so that what the envelope misses favours none."""
-    first = _look(bench, frames, setting, without, advance, singles=True)
-    starts = [Standing(bench, entry.unknowns, entry.values, entry.jacobian) for entry in first.closed[:STARTS]]
-    tried = [standing.roughly(start, setting, standing.with_effects(start, frames)) for start in starts]
-    left = [float(np.sum(standing.energy_left(there, setting, near))) for there, near in tried]
-    return _Start(first.closed[int(np.argmin(left))], tried[int(np.argmin(left))][0]) if tried else None
+def _start(places: list[tuple[Bench, Frames]], setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Start | None:
+    """Of all singles, moved with the unit on the envelope twin, the one that leaves least. places: units with the full twin's frames there, so that what
+    the envelope misses favours none: the unit that the recording asks for, and the described one, because a unit that has taken on a gap hides its cause."""
+    found: list[_Start] = []
+    for bench, frames in places:
+        for entry in _look(bench, frames, setting, without, advance, singles=True).closed[:STARTS]:
+            start = Standing(bench, entry.unknowns, entry.values, entry.jacobian)
+            there, near = standing.roughly(start, setting, standing.with_effects(start, frames))
+            found.append(_Start(entry, there, standing.energy_left(there, setting, near)))
+        if any(np.max(start.left) < QUIET_ENOUGH for start in found):
+            break
+    return min(found, key=lambda start: float(np.sum(start.left)), default=None)
 
 
-def _followed(start: _Start, setting: _Setting, without: frozenset[str], advance: Callable[[], None], followed: set[frozenset[str]]) -> _Look:
+def _followed(closed: Closed, start: Standing, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look:
     """All explanations, about where the full twin puts this one."""
-    there, frames = standing.exactly(start.standing, setting)
-    followed.add(frozenset(start.closed.support))
-    return _look(there.bench, standing.without_effects(there, frames), setting, without, advance, known=(start.closed, there))
+    there, frames = standing.exactly(start, setting)
+    return _look(there.bench, standing.without_effects(there, frames), setting, without, advance, known=(closed, there))
 
 
 @dataclass(frozen=True)
