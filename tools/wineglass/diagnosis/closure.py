@@ -188,7 +188,7 @@ class Closer:
             promised = cost - promised_cost
             trial = within_bounds(unknowns, values + stride * change * spread)
             if promised < ENOUGH or stride < 0.02 or np.all(np.abs(trial - values) < NEGLIGIBLE * spread):
-                if fresh or promised < 0.0:
+                if fresh or promised <= 0.0:
                     break
                 gained = 0.0
             else:

@@ -1,0 +1,87 @@
+"""A bench whose twin is linear: effects and what is uncertain add known columns, so that every fit has a closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from wineglass.diagnosis.channels import Frames, Grid
+from wineglass.diagnosis.floors import ORDER, Floor
+from wineglass.diagnosis.system import FOLDS, System
+from wineglass.effects import Setting
+
+Columns = dict[tuple[str, str], np.ndarray]
+
+
+@dataclass(frozen=True)
+class LinearUnit:
+    """off (m,): what is uncertain, in standard deviations."""
+
+    off: np.ndarray
+    device: None = None
+
+    def toward(self, change: np.ndarray) -> LinearUnit:
+        return LinearUnit(self.off + change)
+
+
+@dataclass
+class LinearBench:
+    """columns: (effect, parameter) -> (channels, n) for a strength of one; `time_s` cuts its effect off before that moment. known: what one
+    standard deviation of everything uncertain does."""
+
+    grid: Grid
+    names: tuple[str, ...]
+    columns: Columns
+    known: list[tuple[str, np.ndarray]] = field(default_factory=list)
+    unit: LinearUnit | None = None
+    shell_off: float = 0.0
+    runs: int = 0
+
+    def __post_init__(self) -> None:
+        self.unit = self.unit or LinearUnit(np.zeros(len(self.known)))
+
+    @property
+    def nominal(self) -> np.ndarray:
+        assert self.unit is not None
+        return sum((by * column for by, (_, column) in zip(self.unit.off, self.known, strict=True)), np.zeros((len(self.names), self.grid.count)))
+
+    def run(self, settings: Sequence[Setting] = ()) -> np.ndarray:
+        self.runs += 1
+        found = self.nominal
+        for setting in settings:
+            since = self.grid.time_s - 0.5 * self.grid.frame_s >= setting.values.get("time_s", -np.inf) - 1e-9
+            found = found + since * sum(value * self.columns[setting.id, name] for name, value in setting.values.items() if (setting.id, name) in self.columns)
+        return found
+
+    def at(self, unit: LinearUnit, shell_off: float) -> LinearBench:
+        return replace(self, unit=unit, shell_off=shell_off)
+
+    def centre(self, nuisances: Sequence[str], unit: LinearUnit | None = None) -> np.ndarray:
+        chosen = unit or self.unit
+        assert chosen is not None and len(nuisances) == len(chosen.off)
+        return chosen.off
+
+    def frames(self, settings: Sequence[Setting] = ()) -> Frames:
+        values = self.run(settings)
+        return Frames(self.grid, self.names, values, np.ones_like(values, bool))
+
+
+def uncertainties(bench: LinearBench, settings: Sequence[Setting] = (), unit: LinearUnit | None = None) -> list[tuple[str, np.ndarray]]:
+    """In place of responses.uncertainties, which turns the knobs of a device."""
+    return bench.known
+
+
+def system_of(grid: Grid, names: tuple[str, ...], data: np.ndarray) -> System:
+    """data (channels, n), in floors: white noise of size one in every channel, all frames sound, nothing unknown asked for."""
+    channels = len(names)
+    floor = Floor(np.ones(channels), np.ones(channels), np.zeros((channels, ORDER)))
+    basis = tuple(np.zeros((grid.count, 0)) for _ in names)
+    return System(grid, names, floor, np.ones_like(data), np.arange(grid.count) * FOLDS // grid.count, basis, data)
+
+
+def ridge(columns: np.ndarray, data: np.ndarray, middle: np.ndarray | None = None) -> np.ndarray:
+    """Coefficients (k,) of columns (k, ...) with normal priors of unit size about `middle`: least squares with one more row for each prior."""
+    rows, middle = columns.reshape(len(columns), -1), np.zeros(len(columns)) if middle is None else middle
+    return np.linalg.lstsq(np.vstack([rows.T, np.eye(len(rows))]), np.concatenate([data.ravel(), middle]), rcond=None)[0]
