@@ -77,6 +77,7 @@ def _client(spread: Spread) -> Iterator[Any]:
         with client:
             yield client
         return
-    with distributed.LocalCluster(n_workers=spread.jobs, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster, \
+    with distributed.LocalCluster(n_workers=spread.jobs, threads_per_worker=1, processes=True, dashboard_address=":0",
+                                  silence_logs=logging.CRITICAL) as cluster, \
             distributed.Client(cluster) as client:
         yield client
