@@ -17,10 +17,13 @@ Columns = dict[tuple[str, str], np.ndarray]
 
 @dataclass(frozen=True)
 class LinearUnit:
-    """off (m,): what is uncertain, in standard deviations."""
+    """off (m,): what is uncertain, in standard deviations. Its device is nothing but that."""
 
     off: np.ndarray
-    device: None = None
+
+    @property
+    def device(self) -> np.ndarray:
+        return self.off
 
     def toward(self, change: np.ndarray) -> LinearUnit:
         return LinearUnit(self.off + change)
@@ -38,6 +41,7 @@ class LinearBench:
     unit: LinearUnit | None = None
     shell_off: float = 0.0
     runs: int = 0
+    driven: None = None
 
     def __post_init__(self) -> None:
         self.unit = self.unit or LinearUnit(np.zeros(len(self.known)))
