@@ -109,6 +109,22 @@ def test_in_noise_it_is_the_moment_that_gains_most_beside_what_is_uncertain(made
     assert len(set(found)) == 4, "the data decide"
 
 
+def test_the_moment_counts_the_unit_from_where_the_bench_has_it(made: Made) -> None:
+    """The bench stands two deviations off: its priors' middles lie that far back, which is as good as data moved by them."""
+    rng = np.random.default_rng(SEED + 5)
+    centre = np.array([2.0, -2.0])
+    made.responses = replace(made.responses, centre=centre)
+    made.known[:] = [0.02 * column for column in made.known]  # so weak that the priors say more than the data do
+    made.responses.values[:2] = made.known
+    data = 0.4 * made.step * (made.begins() >= 38.5) + rng.standard_normal((2, GRID.count))
+    timed = made.closer(data)._timed(made.start(made.at(float(MOMENTS[3])), strengths=(1.0,)))
+    moved = data + np.tensordot(centre, np.array(made.known), 1)
+    moment, strength = best_by_dense_algebra(made, moved, float(MOMENTS[2]), float(MOMENTS[4]))
+    assert timed.variants[0].shapes["time_s"] == moment
+    assert timed.coefficients[2] * REACH == pytest.approx(strength, rel=1e-6)
+    assert strength != pytest.approx(best_by_dense_algebra(made, data, float(MOMENTS[2]), float(MOMENTS[4]))[1], rel=1e-3)
+
+
 @pytest.mark.parametrize(("place", "low_s", "high_s"), [(0, MOMENTS[0], MOMENTS[1]), (9, MOMENTS[8], 1e9)])
 def test_the_first_and_the_last_moment_have_one_neighbour(made: Made, place: int, low_s: float, high_s: float) -> None:
     true_s = 0.5 * (max(low_s, 4.0) + min(high_s, 118.0))
