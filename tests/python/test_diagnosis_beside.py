@@ -16,8 +16,7 @@ from wineglass.effects import Setting
 
 GRID = Grid(0.5, 0, 60)
 NAMES = ("a", "b")
-EFFECTS = {"ageing": ("linear_rad_s_per_h", 1e-4), "pickoff_gain": ("gain", 0.005), "cross_damping": ("c0_rad_s", 1e-4), "drive_feedthrough": ("in_phase_fs", 1e-5),
-           "coriolis_gain": ("gain", 0.002), "thermal_gradient": ("bias_s_per_degc", 1e-5)}
+EFFECTS = ("ageing", "pickoff_gain", "cross_damping", "drive_feedthrough", "coriolis_gain", "thermal_gradient")
 COUNTS = dict.fromkeys(EFFECTS, 1)
 
 
