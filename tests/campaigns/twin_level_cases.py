@@ -1,48 +1,72 @@
-"""The twin-level diagnosis on the full twin: one effect a case, in random order over catalogue and loops, a healthy one after every fifth.
+"""The twin-level diagnosis on recordings of the full twin: catalogue effects one at a time in both loops, healthy ones between them.
 
-    PYTHONPATH=tools python tests/campaigns/twin_level_cases.py --cases 28
+    PYTHONPATH=tools python tests/campaigns/twin_level_cases.py --cases 66 --results full.jsonl
+    PYTHONPATH=tools python tests/campaigns/twin_level_cases.py --healthy 100 --results healthy.jsonl
+    PYTHONPATH=tools python tests/campaigns/twin_level_cases.py --cases 66 --without --results without.jsonl      # the effect is taken out of the catalogue
+    PYTHONPATH=tools python tests/campaigns/twin_level_cases.py --cases 66 --protocol thermal --results thermal.jsonl
 
-Prints one line per case and then counts: healthy ones without a gap, effects named alone and rightly, unknown, wrong, and how many 95 % intervals held the truth.
-A case takes 15 to 30 s of processor time.
+One line per case as it is done, then the counts with Wilson's 95 % intervals. Cases that the results file has are not done again. --units draws every value that
+the description calls uncertain anew, so that each recording is of another healthy unit. A case takes 10 to 30 s of processor time.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import random
 import tempfile
-from collections import Counter
+import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import reduce
+from itertools import islice
 from pathlib import Path
 
-from wineglass import effects, protocols, scenario
+import numpy as np
+
+from wineglass import device, effects, protocols, scenario
+from wineglass.blind.statistics import Share
 from wineglass.diagnosis import twin_engine
 from wineglass.diagnosis.contract import Diagnosis
+from wineglass.diagnosis.unit import Unit
 from wineglass.simulation import simulate
 
+DEVICE = "metal-fast"
 USUAL = 2.0
-TIMES_TYPICAL = {"thermometer_lag": 0.05, "cross_damping": 10.0, "frequency_temperature": 5.0, "clock_error": 1.0, "damping_temperature": 3.0,
+TIMES_TYPICAL = {"thermometer_lag": 0.05, "cross_damping": 10.0, "frequency_temperature": 5.0, "clock_error": 5.0, "damping_temperature": 3.0,
                  "drive_phase": 3.0, "flicker_noise": 5.0}
+LARGEST_OFF = 1.7  # standard deviations of a drawn unit
+SURE = 0.8
 
 
-def cases(seed: int) -> Iterator[tuple[str, str, int]]:
-    """Loop, effect ('' is healthy), seed of the noise."""
-    order = [(loop, effect.id, 100 + i) for i, effect in enumerate(effects.catalogue()) for loop in ("open", "rebalance")]
-    random.Random(seed).shuffle(order)
-    for number, case in enumerate(order):
-        yield case
-        if number % 5 == 0:
-            yield case[0], "", 900 + number * 6 // 5
+@dataclass(frozen=True)
+class Case:
+    """effect: '' is healthy."""
+
+    protocol: str
+    loop: str
+    effect: str
+    seed: int
+    units: bool
+    without: bool
 
 
-def diagnosed(loop: str, effect: str, seed: int) -> Diagnosis:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "case.h5"
-        chosen = [effects.typical(effect, TIMES_TYPICAL.get(effect, USUAL))] if effect else []
-        simulate(scenario.prepare(protocols.scenario("full", device="metal-fast", loop=loop, seed=seed)), path, effects=chosen)
-        found = twin_engine.examine(path)
-    assert found is not None
-    return found.verdict.diagnosis
+def cases(args: argparse.Namespace) -> Iterator[Case]:
+    if args.healthy:
+        for number in range(args.healthy):
+            yield Case(args.protocol, ("open", "rebalance")[number % 2], "", 5000 + 100 * args.seed + number, args.units, False)
+        return
+    order = [(loop, effect.id, 1000 * args.seed + i) for i, effect in enumerate(effects.catalogue()) for loop in ("open", "rebalance")]
+    random.Random(args.seed).shuffle(order)
+    yield from islice((Case(args.protocol, loop, effect, seed, args.units, args.without) for loop, effect, seed in order), args.cases)
+
+
+def drawn(seed: int) -> dict[str, object]:
+    """Values of a healthy unit, uniform within the largest number of standard deviations."""
+    unit = Unit.of(device.load(DEVICE))
+    moved = unit.at(np.random.default_rng(seed).uniform(-LARGEST_OFF, LARGEST_OFF, len(unit.uncertain))).device
+    return {item.path: reduce(getattr, item.path.split("."), moved) for item in unit.uncertain}
 
 
 def held(effect: str, diagnosis: Diagnosis) -> list[bool]:
@@ -52,28 +76,78 @@ def held(effect: str, diagnosis: Diagnosis) -> list[bool]:
     return [p.interval[0] <= truth[p.name] <= p.interval[1] for p in numbers if p.name in truth]
 
 
-def judged(effect: str, diagnosis: Diagnosis) -> str:
-    if not effect:
-        return "healthy, no gap" if diagnosis.verdict == "no_gap" else "healthy, false gap"
-    if diagnosis.verdict == "attributed":
-        return "right" if [e.id for e in diagnosis.effects] == [effect] else "wrong"
-    return diagnosis.verdict
+def judged(case: Case) -> dict[str, object]:
+    """The case's fields, and what came of it."""
+    begun = time.process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "case.h5"
+        chosen = [effects.typical(case.effect, TIMES_TYPICAL.get(case.effect, USUAL))] if case.effect else []
+        planned = protocols.scenario(case.protocol, device=DEVICE, loop=case.loop, seed=case.seed)
+        if case.units:
+            planned = planned.changed({"plant.override": drawn(case.seed)})
+        simulate(scenario.prepare(planned), path, effects=chosen)
+        made = time.process_time()
+        found = twin_engine.examine(path, without=frozenset([case.effect] if case.without else []))
+    assert found is not None
+    diagnosis = found.verdict.diagnosis
+    where = diagnosis.where[0] if diagnosis.where else None
+    return {**asdict(case), "verdict": diagnosis.verdict, "named": [e.id for e in diagnosis.effects], "confident": [e.id for e in diagnosis.effects if e.confidence >= SURE],
+            "alternatives": diagnosis.alternatives, "stage": where.stage if where else None, "removed": diagnosis.shrink.all.fraction,
+            "held": held(case.effect, diagnosis) if case.effect else [], "next": diagnosis.next_experiment.run if diagnosis.next_experiment else None,
+            "making_s": made - begun, "diagnosis_s": time.process_time() - made}
+
+
+def sets_of(row: dict) -> list[list[str]]:
+    return [row["named"]] if row["verdict"] == "attributed" else row["alternatives"] if row["verdict"] == "ambiguous" else []
+
+
+def counted(rows: list[dict]) -> list[str]:
+    healthy, with_effect = [r for r in rows if not r["effect"]], [r for r in rows if r["effect"]]
+    seen = [r for r in with_effect if r["verdict"] != "no_gap"]
+    removed = [r["removed"] for r in seen if r["effect"] in r["named"] and r["removed"] is not None]
+    numbers = [inside for r in seen if r["verdict"] == "attributed" for inside in r["held"]]
+    lines = [_share("healthy: no_gap", [r["verdict"] == "no_gap" for r in healthy])]
+    if any(r["without"] for r in rows):
+        lines.append(_share("withheld: nothing blamed with confidence", [not (r["verdict"] == "attributed" and r["confident"]) for r in with_effect]))
+    else:
+        lines += [_share("truth in a named set", [any(r["effect"] in ids for ids in sets_of(r)) for r in with_effect]),
+                  _share("alone and right", [r["verdict"] == "attributed" and r["named"] == [r["effect"]] for r in with_effect]),
+                  _share("unique and wrong", [r["verdict"] == "attributed" and set(r["named"]) != {r["effect"]} for r in with_effect]),
+                  _share("unknown", [r["verdict"] == "unknown" for r in with_effect]), _share("no gap seen", [r["verdict"] == "no_gap" for r in with_effect]),
+                  _share("right stage, where a place is named", [r["stage"] == effects.find(r["effect"]).stage for r in seen if r["stage"]]),
+                  _share("intervals that hold the truth", numbers)]
+    lines.append(f"held-out gap removed, median: {np.median(removed):.4f} of {len(removed)}" if removed else "")
+    spent = [r["diagnosis_s"] for r in rows]
+    return [*[line for line in lines if line], f"processor time of a diagnosis: median {np.median(spent):.1f} s, largest {max(spent):.1f} s"]
+
+
+def _share(what: str, good: list[bool]) -> str:
+    if not good:
+        return ""
+    share = Share(sum(good), len(good))
+    return f"{what}: {share.k} of {share.n} = {share.k / share.n:.3f}, 95 % {share.interval[0]:.3f} to {share.interval[1]:.3f}"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=12)
-    parser.add_argument("--seed", type=int, default=7, help="of the order")
+    parser.add_argument("--cases", type=int, default=66, help="with an effect; the catalogue has 33, in two loops")
+    parser.add_argument("--healthy", type=int, default=0, help="so many healthy ones instead")
+    parser.add_argument("--protocol", default="full")
+    parser.add_argument("--without", action="store_true")
+    parser.add_argument("--units", action="store_true")
+    parser.add_argument("--seed", type=int, default=7, help="of the order and of the noise")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--results", type=Path, required=True)
     args = parser.parse_args()
-    counts: Counter[str] = Counter()
-    intervals: list[bool] = []
-    for number, (loop, effect, seed) in zip(range(args.cases), cases(args.seed)):
-        diagnosis = diagnosed(loop, effect, seed)
-        verdict = judged(effect, diagnosis)
-        counts[verdict] += 1
-        intervals += held(effect, diagnosis) if verdict in ("right", "wrong") else []
-        print(f"{number + 1:3d} {loop:9s} {effect or 'healthy':26s} seed {seed}: {verdict}; removed {diagnosis.shrink.all.fraction}", flush=True)
-    print(", ".join(f"{name} {count}" for name, count in counts.items()), f"; intervals {sum(intervals)} of {len(intervals)}")
+    rows = [json.loads(line) for line in args.results.read_text().splitlines()] if args.results.exists() else []
+    done = {Case(**{name: row[name] for name in Case.__dataclass_fields__}) for row in rows}
+    with ProcessPoolExecutor(args.workers) as pool, args.results.open("a") as results:
+        for row in pool.map(judged, [case for case in cases(args) if case not in done]):
+            rows.append(row)
+            print(json.dumps(row), file=results, flush=True)
+            print(f"{len(rows):3d} {row['loop']:9s} {row['effect'] or 'healthy':26s} seed {row['seed']}: {row['verdict']} {row['named'] or row['alternatives'] or ''} "
+                  f"removed {row['removed']} {row['diagnosis_s']:.0f} s", flush=True)
+    print("\n".join(counted(rows)))
 
 
 if __name__ == "__main__":

@@ -43,6 +43,11 @@ class Floor:
         taps = fft.rfft(np.concatenate([[1.0], -self.coefficients[channel]]) / self.innovation[channel], length)
         return fft.irfft(fft.rfft(series, length) * taps, length)[..., :count]
 
+    def independent(self, channel: int) -> float:
+        """Which share of its frames count when a mean of squares is taken: noise that wanders repeats itself."""
+        density = 1.0 / np.abs(fft.rfft(np.concatenate([[1.0], -self.coefficients[channel]]), 2 * DENSITIES)) ** 2
+        return float(np.mean(density) ** 2 / np.mean(density**2))
+
 
 def at_rest(driven: Driven, grid: Grid, names: tuple[str, ...], loops: frozenset[str], added: Added | None = None) -> Floor:
     """The floor of `names`, from the described device standing still at its calibration temperature. Where it ran in both loops, every

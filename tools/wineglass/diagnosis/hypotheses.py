@@ -56,6 +56,13 @@ class Hypotheses:
         return tuple(e for e in best if e in EFFECTS)
 
 
+def below_the_floor(found: Hypotheses) -> Hypotheses:
+    """What moves no channel beyond its floor is no gap, whatever it is: that is what the word means."""
+    rest = max(1e-300, 1.0 - found.none)
+    kept = {ids: p * (1.0 - CREDIBLE) / rest for ids, p in found.probability.items() if NONE not in ids}
+    return Hypotheses({**kept, (NONE,): 1.0 - sum(kept.values())})
+
+
 def weigh(found: TwinAnalysis, noise: NoiseEvidence | None) -> Hypotheses:
     """noise: None where nothing was looked at."""
     logs: dict[Ids, float] = {}

@@ -194,6 +194,11 @@ def _wander(bench: Bench) -> list[tuple[str, np.ndarray]]:
     return found
 
 
+def wandering(names: Sequence[str]) -> frozenset[int]:
+    """Places of what is noise of a described floor."""
+    return frozenset(i for i, name in enumerate(names) if name.startswith(WANDER))
+
+
 def _slow_sources(bench: Bench) -> dict[str, np.ndarray]:
     """(channels, n): what one described floor, held, does to every channel."""
     floor, truth = bench.driven.run.device.noise_floor, bench.unit.device

@@ -28,8 +28,10 @@ QUIET = {"electronics.adc.snr_db": 0.0, "electronics.adc.bits": 32}
 """The twin without converter noise; the thermometer keeps its own, which breaks up the steps of its codes."""
 ROUGH_ROUNDS, ROUGH_GAIN = 5, 1e4  # of the envelope alone, and the nats that a round must gain
 FULL_ROUNDS, GAIN = 3, 10.0  # of the full twin, and of the envelope's moves from each
+CHECKED = 60.0  # nats: moves that gain more are checked by another run of the full twin
 LEAST_GAIN = 0.02  # of the energy left beyond noise: less is not worth a round
 SLOW = 0.3  # of the round before: a round that gains more is taken with fresh slopes
+SHORTEST = 0.05  # part of a step that is still tried
 DAMPING = 10.0  # of a step, in priors: what the data say little about stays where it is
 
 
@@ -90,7 +92,7 @@ def roughly(standing: Standing, setting: Judged, frames: Frames | None = None) -
     """By the envelope twin alone. frames: of a full twin there, as far as known; None: the envelope's own."""
     bench = standing.bench
     frames = frames or Frames(bench.grid, bench.names, standing.envelope, np.ones_like(bench.nominal, bool))
-    return _moved(standing, setting, frames, ROUGH_GAIN, ROUGH_ROUNDS)
+    return _moved(standing, setting, frames, ROUGH_GAIN, ROUGH_ROUNDS)[:2]
 
 
 def with_effects(standing: Standing, frames: Frames) -> Frames:
@@ -101,7 +103,7 @@ def with_effects(standing: Standing, frames: Frames) -> Frames:
 def energy_left(standing: Standing, setting: Judged, frames: Frames) -> np.ndarray:
     """(channels,): per frame, in floors, once the last linear step within the tolerances is taken, too."""
     built = setting.system(standing.bench, frames)
-    table = _linear(standing, setting, built)
+    table = linear(standing, setting, built)
     change = explain.within(table.pooled(np.ones(len(built.names))), list(range(table.count)), -table.about, FARTHEST)
     return table.left(change) / np.maximum(built.n_rows, 1)
 
@@ -116,18 +118,18 @@ def exactly(standing: Standing, setting: Judged) -> tuple[Standing, Frames]:
         if before is not None and cost > least:
             return before
         before, least = (standing, frames), cost
-        moved, frames = _moved(standing, setting, frames, GAIN, FULL_ROUNDS)
-        if moved is standing:
+        moved, frames, gained = _moved(standing, setting, frames, GAIN, FULL_ROUNDS)
+        standing = standing if moved is standing else replace(moved, near=None)
+        if gained < CHECKED:
             break
-        standing = replace(moved, near=None)
     return standing, frames
 
 
-def _cost(standing: Standing, setting: Judged, frames: Frames) -> float:
-    """Half the energy left, and the priors', where the standing is: only what cannot be moved is at its best."""
+def _cost(standing: Standing, setting: Judged, frames: Frames, softening: np.ndarray | None = None) -> float:
+    """Half the energy left, and the priors', where the standing is: only what cannot be moved is at its best. softening (channels,): None for none."""
     built = setting.system(standing.bench, frames)
-    table = _linear(standing, setting, built)
-    gram, fixed = table.pooled(np.ones(len(built.names))), _fixed(standing, [name for name, _ in standing.slopes])
+    table = linear(standing, setting, built)
+    gram, fixed = table.pooled(np.ones(len(built.names)) if softening is None else softening), _fixed(standing, [name for name, _ in standing.slopes])
     change = explain.within(gram, fixed, -table.about[fixed], FARTHEST)
     part = gram[np.ix_(fixed, fixed)]
     return 0.5 * float(gram[-1, -1] + change @ part @ change + change @ change) - float(gram[fixed, -1] @ change)
@@ -164,27 +166,37 @@ def _shifted(frames: Frames, bench: Bench, by: np.ndarray) -> Frames:
     return replace(frames, values=values)
 
 
-def _moved(standing: Standing, setting: Judged, frames: Frames, enough: float, rounds: int) -> tuple[Standing, Frames]:
+def _moved(standing: Standing, setting: Judged, frames: Frames, enough: float, rounds: int) -> tuple[Standing, Frames, float]:
     """Until moving gains less than `enough` nats; the frames are moved along as the envelope twin says. Slopes are computed anew when the old ones
-    no longer lead far."""
-    before, names = np.inf, [name for name, _ in standing.slopes]
+    no longer lead far. Also what was gained in all."""
+    start, before = _cost(standing, setting, frames), np.inf
     for _ in range(rounds):
-        bench = standing.bench
-        built = setting.system(bench, frames)
-        change, gained, left = _step(_linear(standing, setting, built), built, _fixed(standing, names))
-        if gained < max(enough, LEAST_GAIN * left):
+        step = _step(standing, setting, frames)
+        if step.gain < max(enough, LEAST_GAIN * step.left):
             break
-        if gained > SLOW * before:
+        if step.gain > SLOW * before and standing.near is not None:
             standing = replace(standing, near=None)
-            change, gained, left = _step(_linear(standing, setting, built), built, _fixed(standing, names))
-        before = gained
-        moved = replace(_along(standing, setting.pick, names, change), near=standing.slopes)
-        frames = _shifted(frames, bench, moved.envelope - standing.envelope)
-        standing = moved
-    return standing, frames
+            step = _step(standing, setting, frames)
+        further = _further(standing, setting, frames, step)
+        if further is None:
+            break
+        before, (standing, frames) = step.gain, further
+    return standing, frames, start - _cost(standing, setting, frames)
 
 
-def _linear(standing: Standing, setting: Judged, built: System) -> system.Products:
+def _further(standing: Standing, setting: Judged, frames: Frames, step: _Step) -> tuple[Standing, Frames] | None:
+    """After the step, or a part of it, that leaves less; None where no part does: along a ridge a linear system promises much."""
+    here, stride = _cost(standing, setting, frames, step.softening), 1.0
+    while stride > SHORTEST:
+        moved = replace(_along(standing, setting.pick, [name for name, _ in standing.slopes], stride * step.change), near=standing.slopes)
+        shifted = _shifted(frames, standing.bench, moved.envelope - standing.envelope)
+        if _cost(moved, setting, shifted, step.softening) < here:
+            return moved, shifted
+        stride *= 0.3
+    return None
+
+
+def linear(standing: Standing, setting: Judged, built: System) -> system.Products:
     """What is uncertain, and behind it the explanation's unknowns."""
     columns, about = np.array([slope[setting.pick] for _, slope in standing.slopes]), standing.bench.centre([name for name, _ in standing.slopes])
     if standing.jacobian is not None:
@@ -203,9 +215,20 @@ def _along(standing: Standing, pick: list[int], names: list[str], change: np.nda
     return replace(moved, values=values, jacobian=differences(moved.bench, pick, standing.unknowns, values, here))
 
 
-def _step(table: system.Products, built: System, fixed: list[int]) -> tuple[np.ndarray, float, float]:
-    """By how much (count,) what is uncertain should move, what moving what is not `fixed` gains, and what is left beyond noise, in nats. Channels in which much
-    more is left than noise count less."""
+@dataclass(frozen=True)
+class _Step:
+    """change (count,): by how much what is uncertain should move; gain: of moving what is not fixed, left: beyond noise, both in nats and as far as a
+    linear system knows. Channels in which much more is left than noise count less: softening (channels,)."""
+
+    change: np.ndarray
+    gain: float
+    left: float
+    softening: np.ndarray
+
+
+def _step(standing: Standing, setting: Judged, frames: Frames) -> _Step:
+    built = setting.system(standing.bench, frames)
+    table, fixed = linear(standing, setting, built), _fixed(standing, [name for name, _ in standing.slopes])
     softening = np.ones(len(built.names))
     for _ in range(4):
         fitted = explain.explained(table, softening, table.count, [], (), 0.0)
@@ -219,4 +242,4 @@ def _step(table: system.Products, built: System, fixed: list[int]) -> tuple[np.n
         part = gram[np.ix_(places, places)]
         costs.append(0.5 * float(change @ part @ change + change @ change) - float(gram[places, -1] @ change))
     excess = 0.5 * float(gram[-1, -1]) + costs[1] - 0.5 * float(np.sum(built.n_rows / softening))
-    return change, costs[0] - costs[1], max(0.0, excess)
+    return _Step(change, costs[0] - costs[1], max(0.0, excess), softening)

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from wineglass import effects
 from wineglass.device import Device
-from wineglass.diagnosis import channels, drive, explain, floors, noisy, responses, standing, system
+from wineglass.diagnosis import changes, channels, drive, explain, floors, noisy, responses, standing, system
 from wineglass.diagnosis.beside import beside
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.closure import Closed, Closer
@@ -71,6 +73,11 @@ class TwinAnalysis:
     def names(self) -> tuple[str, ...]:
         return self.system.names
 
+    @cached_property
+    def wandering(self) -> frozenset[int]:
+        """Places of nuisances that are noise of a described floor."""
+        return responses.wandering([self.responses.columns[i].name for i in self.responses.nuisances])
+
     def closed_for(self, ids: Iterable[str]) -> Closed | None:
         """The closed explanation with most of these effects and no others: some leave a trace in noise or codes only."""
         wanted = set(ids)
@@ -98,19 +105,35 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid))
     there, base = standing.exactly(standing.roughly(Standing(bench), setting)[0], setting)
     advance()
-    start = None
-    if float(np.max(standing.energy_left(there, setting, base))) >= QUIET_ENOUGH:
-        start = _start([(there.bench, base), (bench, standing.at_bench(there, base, bench))], setting, without, advance)
-    followed = set() if start is None else {frozenset(start.closed.support)}
-    look = _look(there.bench, base, setting, without, advance) if start is None else _followed(start.closed, start.standing, setting, without, advance)
-    while len(followed) < LOOKS and (best := look.promising(followed)) is not None:
-        look = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), setting, without, advance)
-        followed.add(frozenset(best.support))
+    look = _explained(there, base, bench, setting, without, advance) if _has_a_gap(there, base, setting) else _look(there.bench, base, setting, without, advance, largest=0)
     bench, found, table, none, closed, softening = look.bench, look.found, look.table, look.none, look.closed, look.softening
     held_none = explain.held_out(table, softening, list(found.nuisances), FARTHEST)
     _hold_out(closed, held_none, softening)
     bench.driven = replace(bench.driven, run=Run(bench.driven.run.scenario, driven.run.device, bench.unit.device))
     return TwinAnalysis(bench.driven, grid, recorded, look.base, _picked(floor, pick), pick, bench, found, look.system, table, none, closed, softening, held_none)
+
+
+def _has_a_gap(there: Standing, frames: Frames, setting: _Setting) -> bool:
+    """Of a healthy unit: is any channel further from the full twin on held-out data than its floor? Where none is there is nothing to explain."""
+    built = setting.system(there.bench, frames)
+    slopes = np.array([slope[setting.pick] for _, slope in there.slopes])
+    wandering = responses.wandering([name for name, _ in there.slopes])
+    left = np.array([setting.recorded[name] - frames[name] for name in built.names])
+    left = left - changes.folded(built, standing.linear(there, setting, built), np.ones(len(built.names)), slopes, wandering, FARTHEST)
+    return changes.changes(built, left, left)[1].fraction is not None
+
+
+def _explained(there: Standing, base: Frames, nominal: Bench, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look:
+    """The last look, after the best explanations were followed on the full twin. there: the unit that the recording asks for, base: the twin's frames of it."""
+    start = None
+    if float(np.max(standing.energy_left(there, setting, base))) >= QUIET_ENOUGH:
+        start = _start([(there.bench, base), (nominal, standing.at_bench(there, base, nominal))], setting, without, advance)
+    followed = set() if start is None else {frozenset(start.closed.support)}
+    look = _look(there.bench, base, setting, without, advance) if start is None else _followed(start.closed, start.standing, setting, without, advance)
+    while len(followed) < LOOKS and (best := look.promising(followed)) is not None:
+        look = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), setting, without, advance)
+        followed.add(frozenset(best.support))
+    return look
 
 
 @dataclass(frozen=True)
@@ -127,7 +150,7 @@ def _start(places: list[tuple[Bench, Frames]], setting: _Setting, without: froze
     the envelope misses favours none: the unit that the recording asks for, and the described one, because a unit that has taken on a gap hides its cause."""
     found: list[_Start] = []
     for bench, frames in places:
-        for entry in _look(bench, frames, setting, without, advance, singles=True).closed[:STARTS]:
+        for entry in _look(bench, frames, setting, without, advance, largest=1).closed[:STARTS]:
             start = Standing(bench, entry.unknowns, entry.values, entry.jacobian)
             there, near = standing.roughly(start, setting, standing.with_effects(start, frames))
             found.append(_Start(entry, there, standing.energy_left(there, setting, near)))
@@ -169,9 +192,10 @@ class _Look:
 
 
 def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str], advance: Callable[[], None],
-          known: tuple[Closed, Standing] | None = None, singles: bool = False) -> _Look:
-    """base: the twin's frames at the bench's unit, without effects. known: an explanation, and where it stands about this bench. singles: no sets."""
-    found = responses.respond(bench, without)
+          known: tuple[Closed, Standing] | None = None, largest: int = 3) -> _Look:
+    """base: the twin's frames at the bench's unit, without effects. known: an explanation, and where it stands about this bench. largest: set of effects that
+    is closed."""
+    found = responses.respond(bench, without if largest else frozenset(effect.id for effect in effects.catalogue()))
     advance()
     built = setting.system(bench, base, unknown=True)
     columns = built.whiten(found.values[:, setting.pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
@@ -185,8 +209,8 @@ def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str]
         again = closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian)
         again.weigh(np.ones(len(built.names)), len(found.nuisances), counts)
         closed = {again.support: again} | {entry.support: entry for entry in beside(closer, again, found, columns, counts)}
-    for entry in _worth_closing(_ranked(table, found)):
-        if entry.support not in closed and not (singles and len(entry.support) > 1):
+    for entry in _worth_closing(_ranked(table, found)) if largest else []:
+        if entry.support not in closed and len(entry.support) <= largest:
             closed[entry.support] = closer.close(entry)
     advance()
     weighed, softening, none = _weighed(built, _with_parts(closer, list(closed.values())), table, found, counts)

@@ -69,7 +69,7 @@ def decide(found: TwinAnalysis, weighed: Hypotheses) -> Outcome:
     return Outcome("ambiguous", [named[0], max(rivals, key=lambda ids: weighed.probability[ids], default=(OTHER,))], chosen)
 
 
-def _held_to_the_gap(outcome: Outcome, confirmed: Confirmed, weighed: Hypotheses, noise: NoiseEvidence | None) -> Outcome:
+def _held_to_the_gap(outcome: Outcome, confirmed: Confirmed, noise: NoiseEvidence | None) -> Outcome:
     """What no channel shows on held-out data is no gap; what an explanation does not remove there, it does not explain."""
     if outcome.verdict == "no_gap" or (noise is not None and noise.named):
         return outcome
@@ -92,7 +92,9 @@ class Verdict:
 def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | None, source: Source) -> Verdict:
     outcome = decide(found, weighed)
     confirmed = confirmation.confirm(found, outcome.chosen)
-    outcome = _held_to_the_gap(outcome, confirmed, weighed, noise)
+    outcome = _held_to_the_gap(outcome, confirmed, noise)
+    if outcome.verdict == "no_gap" and confirmed.total.fraction is None and weighed.none < hypotheses.CREDIBLE:
+        weighed = hypotheses.below_the_floor(weighed)
     listed = _hypotheses(weighed)
     named = _effects(found, outcome, confirmed, listed, noise)
     diagnosis = Diagnosis(
