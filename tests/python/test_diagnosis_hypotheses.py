@@ -119,3 +119,17 @@ def test_readings_of_a_distribution() -> None:
 ])
 def test_alternatives_are_the_credible_sets(probability: dict[tuple[str, ...], float], expected: list[tuple[str, ...]]) -> None:
     assert alternatives(Hypotheses(probability)) == expected
+
+
+def test_below_the_floor_nothing_is_left_but_a_doubt() -> None:
+    found = hypotheses.below_the_floor(Hypotheses({("damping_step",): 0.9, ("ageing", OTHER): 0.06, (NONE,): 0.04}))
+    assert sum(found.probability.values()) == pytest.approx(1.0) and found.none == pytest.approx(hypotheses.CREDIBLE)
+    assert found.marginal("damping_step") == pytest.approx((1.0 - hypotheses.CREDIBLE) * 0.9 / 0.96)
+    sure = Hypotheses({(NONE,): 0.99, (OTHER,): 0.01})
+    assert hypotheses.below_the_floor(sure) is sure
+
+
+def test_only_what_left_a_trace_is_kept_of_every_set() -> None:
+    found = hypotheses.only(Hypotheses({("clock_jitter", "damping_step"): 0.5, ("clock_jitter", OTHER): 0.2, ("ageing",): 0.1, ("excess_noise",): 0.15, (NONE,): 0.05}),
+                            frozenset({"clock_jitter", "excess_noise"}))
+    assert found.probability == pytest.approx({("clock_jitter",): 0.7, ("excess_noise",): 0.15, (NONE,): 0.15, (OTHER,): 0.0})

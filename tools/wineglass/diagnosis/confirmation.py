@@ -41,8 +41,7 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
     if chosen is not None:
         there = Standing(found.bench, chosen.unknowns, chosen.values, chosen.jacobian)
         left = recorded - _channels(found, standing.run(there))
-        slopes = np.array([slope[found.pick] for _, slope in there.slopes])
-        columns = np.concatenate([slopes, chosen.jacobian * there.spread[:, None, None]])
+        columns = there.columns(found.pick)
         polished = _polish(found, columns, left, np.concatenate([found.responses.centre, there.off]))
         after = left - changes.folded(found.system, polished, found.softening, columns, found.wandering)
     each, total = changes.changes(found.system, before, after)

@@ -45,7 +45,7 @@ class Floor:
 
     def independent(self, channel: int) -> float:
         """Which share of its frames count when a mean of squares is taken: noise that wanders repeats itself."""
-        density = 1.0 / np.abs(fft.rfft(np.concatenate([[1.0], -self.coefficients[channel]]), 2 * DENSITIES)) ** 2
+        density = 1.0 / np.abs(fft.fft(np.concatenate([[1.0], -self.coefficients[channel]]), 2 * DENSITIES)) ** 2
         return float(np.mean(density) ** 2 / np.mean(density**2))
 
 

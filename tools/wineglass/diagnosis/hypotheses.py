@@ -58,9 +58,20 @@ class Hypotheses:
 
 def below_the_floor(found: Hypotheses) -> Hypotheses:
     """What moves no channel beyond its floor is no gap, whatever it is: that is what the word means."""
+    if found.none >= CREDIBLE:
+        return found
     rest = max(1e-300, 1.0 - found.none)
     kept = {ids: p * (1.0 - CREDIBLE) / rest for ids, p in found.probability.items() if NONE not in ids}
     return Hypotheses({**kept, (NONE,): 1.0 - sum(kept.values())})
+
+
+def only(found: Hypotheses, traced: frozenset[str]) -> Hypotheses:
+    """Of every set what has a trace of its own: beside that no channel is beyond its floor."""
+    kept: dict[Ids, float] = {(NONE,): 0.0, (OTHER,): 0.0}
+    for ids, p in found.probability.items():
+        part = tuple(e for e in ids if e in traced) or (NONE,)
+        kept[part] = kept.get(part, 0.0) + p
+    return Hypotheses(kept)
 
 
 def weigh(found: TwinAnalysis, noise: NoiseEvidence | None) -> Hypotheses:

@@ -89,8 +89,19 @@ class NoiseEvidence:
     @property
     def named(self) -> list[str]:
         """Effects of the best set, if it is better than none by three nats."""
-        best = max(self.log_evidence, key=lambda chosen: self.log_evidence[chosen] - 2.0 * len(chosen))
-        return sorted(best) if self.log_evidence[best] - 2.0 * len(best) > 3.0 else []
+        best = max(self._worth, key=lambda chosen: self._worth[chosen])
+        return sorted(best) if self._worth[best] > 3.0 else []
+
+    @property
+    def within_reach(self) -> frozenset[str]:
+        """Effects of all sets that are not much worse than the best."""
+        best = max(self._worth.values())
+        return frozenset(effect for chosen, worth in self._worth.items() if worth > best - SURE for effect in chosen)
+
+    @property
+    def _worth(self) -> dict[frozenset[str], float]:
+        """Nats, two of them paid for every effect."""
+        return {chosen: value - 2.0 * len(chosen) for chosen, value in self.log_evidence.items()}
 
 
 def examine(recording: Recording, device: Device | Run | None = None, slow_model: Mapping[str, np.ndarray] | None = None) -> NoiseEvidence:

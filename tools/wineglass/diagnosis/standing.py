@@ -75,6 +75,11 @@ class Standing:
         """(channels of the bench, n)."""
         return self.bench.run(self.settings) if self.unknowns else self.bench.nominal
 
+    def columns(self, pick: list[int]) -> np.ndarray:
+        """(k, channels, n): slopes, and behind them what one spread of every unknown does. pick: channels of the system among the bench's."""
+        slopes = np.array([slope[pick] for _, slope in self.slopes])
+        return slopes if self.jacobian is None else np.concatenate([slopes, self.jacobian * self.spread[:, None, None]])
+
     @cached_property
     def slopes(self) -> Slopes:
         """What one standard deviation of everything uncertain does here, (channels of the bench, n) each."""
@@ -174,10 +179,11 @@ def _moved(standing: Standing, setting: Judged, frames: Frames, enough: float, r
         step = _step(standing, setting, frames)
         if step.gain < max(enough, LEAST_GAIN * step.left):
             break
-        if step.gain > SLOW * before and standing.near is not None:
+        further = _further(standing, setting, frames, step) if standing.near is None or step.gain <= SLOW * before else None
+        if further is None and standing.near is not None:
             standing = replace(standing, near=None)
             step = _step(standing, setting, frames)
-        further = _further(standing, setting, frames, step)
+            further = _further(standing, setting, frames, step)
         if further is None:
             break
         before, (standing, frames) = step.gain, further
@@ -198,10 +204,8 @@ def _further(standing: Standing, setting: Judged, frames: Frames, step: _Step) -
 
 def linear(standing: Standing, setting: Judged, built: System) -> system.Products:
     """What is uncertain, and behind it the explanation's unknowns."""
-    columns, about = np.array([slope[setting.pick] for _, slope in standing.slopes]), standing.bench.centre([name for name, _ in standing.slopes])
-    if standing.jacobian is not None:
-        columns, about = np.concatenate([columns, standing.jacobian * standing.spread[:, None, None]]), np.concatenate([about, standing.off])
-    return system.products(built, built.whiten(columns), about)
+    about = np.concatenate([standing.bench.centre([name for name, _ in standing.slopes]), standing.off])
+    return system.products(built, built.whiten(standing.columns(setting.pick)), about)
 
 
 def _along(standing: Standing, pick: list[int], names: list[str], change: np.ndarray) -> Standing:

@@ -15,12 +15,14 @@ from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.floors import SHORT_ORDER, Floor
 
 FOLDS = 5
-TRANSIENT = 1e-3  # of the change from frame to frame: what the primary's channels are not to be believed to while a loop settles
 LEAST_NOISE, MOST_NOISE = 0.8, 1.3  # of the described floor; more may be a gap that moves fast
 MOVING = 5e-4  # of the change from frame to frame of the secondary: so far the twins are believed to follow what moves fast
 LOSSES = 1.5  # floors of the losses: so much of their flicker is faster than what wanders
 JUMP = 1e-3  # of the change from frame to frame, where the rate steps: recorded means do not say how the step went
-SETTLING = ("primary_in_phase", "drive_level", "drive_frequency")
+SETTLING = {"primary_in_phase": 1e-3, "drive_level": 2e-2, "drive_frequency": 1e-3}
+"""of the change from frame to frame: what channels are not to be believed to while a loop settles"""
+HELD = 20.0
+"""floors of the amplitude while its loop holds it: what it shows then is how that loop came back from its limits, which no slope tells"""
 REDUNDANT = ("rate_uncompensated", "rate", "quadrature")
 """what the firmware computes from the baseband: the same noise again"""
 BALANCED, UNBALANCED = ("primary_quadrature",), 2.0
@@ -112,10 +114,12 @@ def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray
         noise = np.full(base.grid.count, floor.innovation[i])
         if name == "drive_frequency" and usual > 0:
             noise *= np.maximum(1.0, usual / np.maximum(amplitude, 0.05 * usual))
+        if name == "primary_in_phase" and "drive_level" in base.names:
+            noise = np.where(np.abs(base["drive_level"]) > 0.0, HELD * noise, noise)
         if name in SETTLING:
             change = np.abs(np.gradient(base[name]))
             moving = np.maximum.reduce([np.roll(change, k) for k in range(-3, 7)])
-            noise = np.hypot(noise, TRANSIENT * moving)
+            noise = np.hypot(noise, SETTLING[name] * moving)
         if name.startswith(("secondary", "rebalance")):
             change = np.abs(np.gradient(base[name]))
             noise = np.hypot(noise, MOVING * np.maximum.reduce([np.roll(change, k) for k in range(-1, 3)]))

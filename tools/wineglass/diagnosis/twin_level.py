@@ -29,7 +29,7 @@ from wineglass.recording import Recording
 from wineglass.scenario import Run
 
 ENGINE = "twin_level"
-CLOSED_SINGLES, CLOSED_SETS = 4, 3
+CLOSED_SINGLES, CLOSED_SETS, LARGEST = 4, 3, 3
 PARTED = 1  # sets of each size that are also tried without each of their effects
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
@@ -114,12 +114,11 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
 
 
 def _has_a_gap(there: Standing, frames: Frames, setting: _Setting) -> bool:
-    """Of a healthy unit: is any channel further from the full twin on held-out data than its floor? Where none is there is nothing to explain."""
+    """Is any channel further from the full twin on held-out data than its floor? Where none is there is nothing (more) to explain."""
     built = setting.system(there.bench, frames)
-    slopes = np.array([slope[setting.pick] for _, slope in there.slopes])
     wandering = responses.wandering([name for name, _ in there.slopes])
     left = np.array([setting.recorded[name] - frames[name] for name in built.names])
-    left = left - changes.folded(built, standing.linear(there, setting, built), np.ones(len(built.names)), slopes, wandering, FARTHEST)
+    left = left - changes.folded(built, standing.linear(there, setting, built), np.ones(len(built.names)), there.columns(setting.pick), wandering, FARTHEST)
     return changes.changes(built, left, left)[1].fraction is not None
 
 
@@ -130,7 +129,7 @@ def _explained(there: Standing, base: Frames, nominal: Bench, setting: _Setting,
         start = _start([(there.bench, base), (nominal, standing.at_bench(there, base, nominal))], setting, without, advance)
     followed = set() if start is None else {frozenset(start.closed.support)}
     look = _look(there.bench, base, setting, without, advance) if start is None else _followed(start.closed, start.standing, setting, without, advance)
-    while len(followed) < LOOKS and (best := look.promising(followed)) is not None:
+    while not look.settled and len(followed) < LOOKS and (best := look.promising(followed)) is not None:
         look = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), setting, without, advance)
         followed.add(frozenset(best.support))
     return look
@@ -160,14 +159,16 @@ def _start(places: list[tuple[Bench, Frames]], setting: _Setting, without: froze
 
 
 def _followed(closed: Closed, start: Standing, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look:
-    """All explanations, about where the full twin puts this one."""
+    """All explanations, about where the full twin puts this one; where it leaves no gap no sets are asked for that hold more."""
     there, frames = standing.exactly(start, setting)
-    return _look(there.bench, standing.without_effects(there, frames), setting, without, advance, known=(closed, there))
+    settled = not _has_a_gap(there, frames, setting)
+    return _look(there.bench, standing.without_effects(there, frames), setting, without, advance, (closed, there), largest=1 if settled else LARGEST, settled=settled)
 
 
 @dataclass(frozen=True)
 class _Look:
-    """All explanations about one bench: base: the twin's frames there without effects; softening (channels,); closed: the best first."""
+    """All explanations about one bench: base: the twin's frames there without effects; softening (channels,); closed: the best first; settled: the one that
+    was followed leaves no gap."""
 
     bench: Bench
     base: Frames
@@ -177,6 +178,7 @@ class _Look:
     none: Explained
     closed: list[Closed]
     softening: np.ndarray
+    settled: bool
 
     def over_none(self, closed: Closed) -> float:
         return closed.entry.log_evidence + closed.entry.log_generic - self.none.log_evidence - self.none.log_generic
@@ -192,9 +194,9 @@ class _Look:
 
 
 def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str], advance: Callable[[], None],
-          known: tuple[Closed, Standing] | None = None, largest: int = 3) -> _Look:
-    """base: the twin's frames at the bench's unit, without effects. known: an explanation, and where it stands about this bench. largest: set of effects that
-    is closed."""
+          known: tuple[Closed, Standing] | None = None, largest: int = LARGEST, settled: bool = False) -> _Look:
+    """base: the twin's frames at the bench's unit, without effects. known: an explanation, and where it stands about this bench; settled: it leaves no gap.
+    largest: set of effects that is closed."""
     found = responses.respond(bench, without if largest else frozenset(effect.id for effect in effects.catalogue()))
     advance()
     built = setting.system(bench, base, unknown=True)
@@ -208,13 +210,14 @@ def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str]
         assert there.jacobian is not None
         again = closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian)
         again.weigh(np.ones(len(built.names)), len(found.nuisances), counts)
-        closed = {again.support: again} | {entry.support: entry for entry in beside(closer, again, found, columns, counts)}
+        more = [] if settled else beside(closer, again, found, columns, counts)
+        closed = {again.support: again} | {entry.support: entry for entry in more}
     for entry in _worth_closing(_ranked(table, found)) if largest else []:
         if entry.support not in closed and len(entry.support) <= largest:
             closed[entry.support] = closer.close(entry)
     advance()
     weighed, softening, none = _weighed(built, _with_parts(closer, list(closed.values())), table, found, counts)
-    return _Look(bench, base, found, built, table, none, weighed, softening)
+    return _Look(bench, base, found, built, table, none, weighed, softening, settled)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,15 +69,19 @@ def decide(found: TwinAnalysis, weighed: Hypotheses) -> Outcome:
     return Outcome("ambiguous", [named[0], max(rivals, key=lambda ids: weighed.probability[ids], default=(OTHER,))], chosen)
 
 
-def _held_to_the_gap(outcome: Outcome, confirmed: Confirmed, noise: NoiseEvidence | None) -> Outcome:
-    """What no channel shows on held-out data is no gap; what an explanation does not remove there, it does not explain."""
-    if outcome.verdict == "no_gap" or (noise is not None and noise.named):
-        return outcome
-    if confirmed.total.fraction is None:
-        return Outcome("no_gap", [], None)
-    if outcome.verdict != "unknown" and confirmed.total.fraction < LEAST_REMOVED:
-        return Outcome("unknown", [], outcome.chosen)
-    return outcome
+def _held_to_the_gap(outcome: Outcome, weighed: Hypotheses, confirmed: Confirmed, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
+    """What no channel shows on held-out data is no gap; what an explanation does not remove there, it does not explain. What noise, lines, events or codes
+    have named stands without that."""
+    removed = confirmed.total.fraction
+    if outcome.verdict == "no_gap" or (removed is not None and (outcome.verdict == "unknown" or removed >= LEAST_REMOVED)):
+        return outcome, hypotheses.below_the_floor(weighed) if removed is None and outcome.verdict == "no_gap" else weighed
+    named = noise.named if noise is not None else []
+    if removed is not None:
+        return Outcome("unknown", [tuple(named)] if named else [], outcome.chosen), weighed
+    if noise is None or not named:
+        return Outcome("no_gap", [], None), hypotheses.below_the_floor(weighed)
+    weighed = hypotheses.only(weighed, noise.within_reach)
+    return replace(decide(found, weighed), chosen=None), weighed
 
 
 @dataclass(frozen=True)
@@ -92,9 +96,7 @@ class Verdict:
 def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | None, source: Source) -> Verdict:
     outcome = decide(found, weighed)
     confirmed = confirmation.confirm(found, outcome.chosen)
-    outcome = _held_to_the_gap(outcome, confirmed, noise)
-    if outcome.verdict == "no_gap" and confirmed.total.fraction is None and weighed.none < hypotheses.CREDIBLE:
-        weighed = hypotheses.below_the_floor(weighed)
+    outcome, weighed = _held_to_the_gap(outcome, weighed, confirmed, noise)
     listed = _hypotheses(weighed)
     named = _effects(found, outcome, confirmed, listed, noise)
     diagnosis = Diagnosis(

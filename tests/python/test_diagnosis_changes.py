@@ -1,0 +1,70 @@
+"""Gaps on held-out data of made-up channels: floors that wander, shares that are known, columns that only noise has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wineglass.diagnosis import changes, system
+from wineglass.diagnosis.channels import Grid
+from wineglass.diagnosis.floors import ORDER, Floor
+from wineglass.diagnosis.system import FOLDS, System
+
+SEED, N = 31, 3000
+
+
+def made(data: np.ndarray, pole: float = 0.0) -> System:
+    """One channel with noise of unit rms, autoregressive of first order."""
+    coefficients = np.zeros((1, ORDER))
+    coefficients[0, 0] = pole
+    floor = Floor(np.ones(1), np.array([np.sqrt(1.0 - pole**2)]), coefficients)
+    empty = System(Grid(1.0, 0, N), ("a",), floor, np.ones((1, N)), np.arange(N) * FOLDS // N, (np.zeros((N, 0)),), data)
+    return System(empty.grid, empty.names, floor, empty.weight, empty.fold, empty.basis, empty.whiten(data))
+
+
+def wandering(pole: float, seed: int) -> np.ndarray:
+    """(1, N) of unit rms."""
+    new = np.random.default_rng(seed).standard_normal(N) * np.sqrt(1.0 - pole**2)
+    found = np.empty(N)
+    found[0] = new[0] / np.sqrt(1.0 - pole**2)
+    for i in range(1, N):
+        found[i] = pole * found[i - 1] + new[i]
+    return found[None]
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.5, 0.9])
+def test_independent_frames_of_a_first_order_noise(pole: float) -> None:
+    """The variance of a mean of squares is 2/n times the sum of squared correlations, (1 + p^2)/(1 - p^2)."""
+    assert made(np.zeros((1, N)), pole).floor.independent(0) == pytest.approx((1.0 - pole**2) / (1.0 + pole**2), rel=1e-6)
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.95])
+def test_noise_of_the_floor_is_no_gap(pole: float) -> None:
+    wrong = 0
+    for seed in range(SEED, SEED + 40):
+        noise = wandering(pole, seed)
+        wrong += changes.changes(made(noise, pole), noise, noise)[1].fraction is not None
+    assert wrong == 0
+
+
+def test_a_share_that_is_known_comes_out() -> None:
+    noise, gap = wandering(0.0, SEED), 5.0 * np.sin(np.arange(N) / 40.0)[None]
+    each, total = changes.changes(made(noise + gap), noise + gap, noise + 0.1 * gap)
+    for change in (each[0], total):
+        assert change.fraction == pytest.approx(0.9, abs=0.02) and change.interval is not None
+        assert change.interval[0] <= change.fraction <= change.interval[1]
+    assert each[0].before == pytest.approx(np.sqrt(1.0 + 12.5), rel=0.02)
+
+
+def test_a_fold_is_fitted_on_the_others_and_noise_is_not_foretold() -> None:
+    """A steady column is taken off wherever it is; one that is declared noise helps the fit of the other and is left in."""
+    rng = np.random.default_rng(SEED)
+    steady, noise = np.ones((1, N)), np.cos(np.pi * 3 * (np.arange(N) + 0.5) / N)[None]
+    data = 7.0 * steady + 4.0 * noise + 0.01 * rng.standard_normal((1, N))
+    columns = np.stack([10.0 * steady, 10.0 * noise])
+    built = made(data)
+    table = system.products(built, built.whiten(columns))
+    left = data - changes.folded(built, table, np.ones(1), columns, noise=[1])
+    assert np.max(np.abs(left - 4.0 * noise)) < 0.06
+    left = data - changes.folded(built, table, np.ones(1), columns, noise=[])
+    assert np.max(np.abs(left)) < 0.08
