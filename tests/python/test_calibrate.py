@@ -13,7 +13,6 @@ from wineglass.calibration.identify import Settings, identify
 from wineglass.calibration.lag import Lag
 from wineglass.calibration.observations import Observations
 from wineglass.cli import main
-from wineglass.errors import BadInput
 from wineglass.recording import Recording, RecordingMeta, RecordingWriter, TapFormat, float_format
 
 ALPHA = np.array([1.0792e-3, -4.631e-5, 7.7044e-7, -5.8598e-9])

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from conftest import make_ready
 
-from wineglass import wire
 from wineglass.commands_wire import CommandEncoder, Reason
 from wineglass.cost import image
 from wineglass.emulation.boot import Boot

@@ -20,7 +20,6 @@ from pydantic import model_validator
 
 from wineglass import device as devices
 from wineglass import nominal, paths, schedule, toml_text
-from wineglass import scenario as scenarios
 from wineglass.device import Device
 from wineglass.errors import BadInput
 from wineglass.fields import Section, quantity, validate

@@ -3,7 +3,6 @@ for half of the time hardly shows it."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np

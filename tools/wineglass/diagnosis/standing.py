@@ -97,7 +97,7 @@ def roughly(standing: Standing, setting: Judged, frames: Frames | None = None) -
     """By the envelope twin alone. frames: of a full twin there, as far as known; None: the envelope's own."""
     bench = standing.bench
     frames = frames or Frames(bench.grid, bench.names, standing.envelope, np.ones_like(bench.nominal, bool))
-    return _moved(standing, setting, frames, ROUGH_GAIN, ROUGH_ROUNDS)[:2]
+    return _moved(_Here(standing, setting, frames), ROUGH_GAIN, ROUGH_ROUNDS)[:2]
 
 
 def with_effects(standing: Standing, frames: Frames) -> Frames:
@@ -107,10 +107,9 @@ def with_effects(standing: Standing, frames: Frames) -> Frames:
 
 def energy_left(standing: Standing, setting: Judged, frames: Frames) -> np.ndarray:
     """(channels,): per frame, in floors, once the last linear step within the tolerances is taken, too."""
-    built = setting.system(standing.bench, frames)
-    table = linear(standing, setting, built)
-    change = explain.within(table.pooled(np.ones(len(built.names))), list(range(table.count)), -table.about, FARTHEST)
-    return table.left(change) / np.maximum(built.n_rows, 1)
+    here = _Here(standing, setting, frames)
+    change = explain.within(here.table.pooled(np.ones(len(here.built.names))), list(range(here.table.count)), -here.table.about, FARTHEST)
+    return here.table.left(change) / np.maximum(here.built.n_rows, 1)
 
 
 def exactly(standing: Standing, setting: Judged) -> tuple[Standing, Frames]:
@@ -119,30 +118,60 @@ def exactly(standing: Standing, setting: Judged) -> tuple[Standing, Frames]:
     least = np.inf
     for _ in range(FULL_ROUNDS):
         frames = run(standing)
-        cost = _cost(standing, setting, frames)
+        here = _Here(standing, setting, frames)
+        cost = here.cost(np.ones(len(here.built.names)))
         if before is not None and cost > least:
             return before
         before, least = (standing, frames), cost
-        moved, frames, gained = _moved(standing, setting, frames, GAIN, FULL_ROUNDS)
+        moved, frames, gained = _moved(here, GAIN, FULL_ROUNDS)
         standing = standing if moved is standing else replace(moved, near=None)
         if gained < CHECKED:
             break
     return standing, frames
 
 
-def _cost(standing: Standing, setting: Judged, frames: Frames, softening: np.ndarray | None = None) -> float:
-    """Half the energy left, and the priors', where the standing is: only what cannot be moved is at its best. softening (channels,): None for none."""
-    built = setting.system(standing.bench, frames)
-    table = linear(standing, setting, built)
-    gram, fixed = table.pooled(np.ones(len(built.names)) if softening is None else softening), _fixed(standing, [name for name, _ in standing.slopes])
-    change = explain.within(gram, fixed, -table.about[fixed], FARTHEST)
-    part = gram[np.ix_(fixed, fixed)]
-    return 0.5 * float(gram[-1, -1] + change @ part @ change + change @ change) - float(gram[fixed, -1] @ change)
+@dataclass(frozen=True)
+class _Here:
+    """A standing, the frames of a twin there, and the linear system about it."""
+
+    standing: Standing
+    setting: Judged
+    frames: Frames
+
+    @cached_property
+    def built(self) -> System:
+        return self.setting.system(self.standing.bench, self.frames)
+
+    @cached_property
+    def table(self) -> system.Products:
+        return linear(self.standing, self.setting, self.built)
+
+    @property
+    def names(self) -> list[str]:
+        return [name for name, _ in self.standing.slopes]
+
+    @property
+    def fixed(self) -> list[int]:
+        """What stays where it is: what wanders, and the clock of the rate table."""
+        return [i for i, name in enumerate(self.names) if i >= len(self.standing.bench.unit.off) and name != responses.SHELL]
+
+    def cost(self, softening: np.ndarray) -> float:
+        """Half the energy left, and the priors': only what is fixed is at its best."""
+        gram, fixed = self.table.pooled(softening), self.fixed
+        return 0.5 * float(gram[-1, -1]) + _gain(gram, fixed, explain.within(gram, fixed, -self.table.about[fixed], FARTHEST))
+
+    def cost_with(self, softening: np.ndarray, fixed: np.ndarray) -> float:
+        """The same where what is fixed has these coefficients."""
+        columns = [self.standing.slopes[i][1][self.setting.pick] for i in self.fixed]
+        moved = np.einsum("k,kcn->cn", fixed, np.array(columns)) if columns else 0.0
+        left = np.sum((self.built.data - self.built.whiten(moved * np.ones_like(self.built.data))) ** 2, axis=1)
+        off = np.concatenate([self.standing.bench.centre(self.names), self.standing.off])
+        return 0.5 * float(np.sum(left / softening) + fixed @ fixed + off @ off)
 
 
-def _fixed(standing: Standing, names: list[str]) -> list[int]:
-    """What stays where it is: what wanders, and the clock of the rate table."""
-    return [i for i, name in enumerate(names) if i >= len(standing.bench.unit.off) and name != responses.SHELL]
+def _gain(gram: np.ndarray, places: list[int], change: np.ndarray) -> float:
+    """What coefficients add to half the energy and to the priors'."""
+    return 0.5 * float(change @ gram[np.ix_(places, places)] @ change + change @ change) - float(gram[places, -1] @ change)
 
 
 def run(standing: Standing) -> Frames:
@@ -171,33 +200,35 @@ def _shifted(frames: Frames, bench: Bench, by: np.ndarray) -> Frames:
     return replace(frames, values=values)
 
 
-def _moved(standing: Standing, setting: Judged, frames: Frames, enough: float, rounds: int) -> tuple[Standing, Frames, float]:
+def _moved(here: _Here, enough: float, rounds: int) -> tuple[Standing, Frames, float]:
     """Until moving gains less than `enough` nats; the frames are moved along as the envelope twin says. Slopes are computed anew when the old ones
     no longer lead far. Also what was gained in all."""
-    start, before = _cost(standing, setting, frames), np.inf
+    before, total = np.inf, 0.0
     for _ in range(rounds):
-        step = _step(standing, setting, frames)
+        step = _step(here)
         if step.gain < max(enough, LEAST_GAIN * step.left):
             break
-        further = _further(standing, setting, frames, step) if standing.near is None or step.gain <= SLOW * before else None
-        if further is None and standing.near is not None:
-            standing = replace(standing, near=None)
-            step = _step(standing, setting, frames)
-            further = _further(standing, setting, frames, step)
+        further = _further(here, step) if here.standing.near is None or step.gain <= SLOW * before else None
+        if further is None and here.standing.near is not None:
+            here = replace(here, standing=replace(here.standing, near=None))
+            step = _step(here)
+            further = _further(here, step)
         if further is None:
             break
-        before, (standing, frames) = step.gain, further
-    return standing, frames, start - _cost(standing, setting, frames)
+        here, gained = further
+        before, total = step.gain, total + gained
+    return here.standing, here.frames, total
 
 
-def _further(standing: Standing, setting: Judged, frames: Frames, step: _Step) -> tuple[Standing, Frames] | None:
-    """After the step, or a part of it, that leaves less; None where no part does: along a ridge a linear system promises much."""
-    here, stride = _cost(standing, setting, frames, step.softening), 1.0
+def _further(here: _Here, step: _Step) -> tuple[_Here, float] | None:
+    """After the step, or a part of it, that leaves less, and by how much; None where no part does: along a ridge a linear system promises much."""
+    cost, stride = here.cost(step.softening), 1.0
     while stride > SHORTEST:
-        moved = replace(_along(standing, setting.pick, [name for name, _ in standing.slopes], stride * step.change), near=standing.slopes)
-        shifted = _shifted(frames, standing.bench, moved.envelope - standing.envelope)
-        if _cost(moved, setting, shifted, step.softening) < here:
-            return moved, shifted
+        moved = replace(_along(here.standing, here.setting.pick, here.names, stride * step.change), near=here.standing.slopes)
+        there = _Here(moved, here.setting, _shifted(here.frames, moved.bench, moved.envelope - here.standing.envelope))
+        left = there.cost_with(step.softening, step.change[here.fixed])
+        if left < cost:
+            return there, cost - left
         stride *= 0.3
     return None
 
@@ -230,9 +261,8 @@ class _Step:
     softening: np.ndarray
 
 
-def _step(standing: Standing, setting: Judged, frames: Frames) -> _Step:
-    built = setting.system(standing.bench, frames)
-    table, fixed = linear(standing, setting, built), _fixed(standing, [name for name, _ in standing.slopes])
+def _step(here: _Here) -> _Step:
+    built, table, fixed = here.built, here.table, here.fixed
     softening = np.ones(len(built.names))
     for _ in range(4):
         fitted = explain.explained(table, softening, table.count, [], (), 0.0)
@@ -240,10 +270,7 @@ def _step(standing: Standing, setting: Judged, frames: Frames) -> _Step:
     gram, everything = table.pooled(softening), list(range(table.count))
     movable = sorted({*everything} - {*fixed})
     gram[movable, movable] += DAMPING
-    costs = []
-    for places in (fixed, everything):
-        change = explain.within(gram, places, -table.about[places], FARTHEST)
-        part = gram[np.ix_(places, places)]
-        costs.append(0.5 * float(change @ part @ change + change @ change) - float(gram[places, -1] @ change))
+    changes = [explain.within(gram, places, -table.about[places], FARTHEST) for places in (fixed, everything)]
+    costs = [_gain(gram, places, change) for places, change in zip((fixed, everything), changes, strict=True)]
     excess = 0.5 * float(gram[-1, -1]) + costs[1] - 0.5 * float(np.sum(built.n_rows / softening))
-    return _Step(change, costs[0] - costs[1], max(0.0, excess), softening)
+    return _Step(changes[1], costs[0] - costs[1], max(0.0, excess), softening)

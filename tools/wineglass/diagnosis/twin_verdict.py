@@ -69,7 +69,7 @@ def decide(found: TwinAnalysis, weighed: Hypotheses) -> Outcome:
     return Outcome("ambiguous", [named[0], max(rivals, key=lambda ids: weighed.probability[ids], default=(OTHER,))], chosen)
 
 
-def _held_to_the_gap(outcome: Outcome, weighed: Hypotheses, confirmed: Confirmed, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
+def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses, confirmed: Confirmed, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
     """What no channel shows on held-out data is no gap; what an explanation does not remove there, it does not explain. What noise, lines, events or codes
     have named stands without that."""
     removed = confirmed.total.fraction
@@ -96,7 +96,7 @@ class Verdict:
 def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | None, source: Source) -> Verdict:
     outcome = decide(found, weighed)
     confirmed = confirmation.confirm(found, outcome.chosen)
-    outcome, weighed = _held_to_the_gap(outcome, weighed, confirmed, noise)
+    outcome, weighed = _held_to_the_gap(found, outcome, weighed, confirmed, noise)
     listed = _hypotheses(weighed)
     named = _effects(found, outcome, confirmed, listed, noise)
     diagnosis = Diagnosis(
