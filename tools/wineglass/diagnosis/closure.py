@@ -179,7 +179,8 @@ class Closer:
                 fresh: bool = False) -> Closed:
         """fresh: the Jacobian (k, channels, n) is the one at these values. What stays far behind the best explanation so far is not followed to its end."""
         spread, middle = np.array([u.spread for u in unknowns]), np.array([u.middle for u in unknowns])
-        response = self._respond(unknowns, values)
+        values, response = self._within_numbers(unknowns, values, middle)
+        jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)
         cost = self._cost(response, (values - middle) / spread)
         runs, stride = 1, 1.0
         while runs < (RUNS if cost < HOPELESS * self._cheapest else FEW_RUNS):
@@ -209,6 +210,15 @@ class Closer:
         self._cheapest = min(self._cheapest, cost)
         found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
         return Closed(support, variants, unknowns, values, jacobian, response, found, runs)
+
+    def _within_numbers(self, unknowns: list[Unknown], values: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The first values, or some nearer to the priors' middles, with which the twin's response is one."""
+        for _ in range(12):
+            response = self._respond(unknowns, values)
+            if np.all(np.isfinite(response)):
+                break
+            values = 0.5 * (values + middle)
+        return values, np.nan_to_num(response, nan=0.0, posinf=0.0, neginf=0.0)
 
     def _respond(self, unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
         return respond(self.bench, self.pick, unknowns, values)
@@ -335,12 +345,12 @@ def _polar_start(responses: Responses, variant: Variant, coefficients: dict[int,
 
     cosine, sine = value(size, 0.0), value(size, 45.0)
     length = max(float(np.hypot(cosine, sine)), 1e-3 * record.typical)
-    along = (value(slope, 0.0) * cosine + value(slope, 45.0) * sine) / length
     low, high = record.low, record.high
     found = [(Unknown(variant.effect, size, role, start, 0.0, REACH * record.typical, low, high), place[size, axis], 1.0 / record.typical)
              for role, start, axis in (("cosine", cosine, 0.0), ("sine", sine, 45.0))]
     if (slope, 0.0) in place:
         best = 0.0 if abs(cosine) >= abs(sine) else 45.0
+        along = (value(slope, 0.0) * cosine + value(slope, 45.0) * sine) / length
         along = min(max(along, slant.low), slant.high)
         found.append((Unknown(variant.effect, slope, "strength", along, 0.0, REACH * slant.typical, slant.low, slant.high),
                       place[slope, best], 1.0 / slant.typical))

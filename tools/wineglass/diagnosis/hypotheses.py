@@ -20,6 +20,8 @@ TRACED = frozenset({"thermometer_quantisation", "firmware_mismatch"})
 """Effects that move slow channels, too, but never without a trace in noise, lines, events or codes: where that was looked for and not found,
 they are not it."""
 UNSEEN = -20.0
+HINTED, UNHINTED = frozenset({"vibration"}), -4.0
+"""Effects that usually leave a line: where lines were looked at and there is none, a steady bias is more likely something else's."""
 CREDIBLE = 0.95
 SETTLED = 0.8
 SIMPLER = 0.3  # a set is dropped for a part of it that is at least this times as probable
@@ -83,14 +85,14 @@ def weigh(found: TwinAnalysis, noise: NoiseEvidence | None) -> Hypotheses:
         logs[key] = float(np.logaddexp(logs[key], value)) if key in logs else value
 
     traces = noise.log_evidence if noise is not None else {frozenset[str](): 0.0}
-    excluded = frozenset(e for e in TRACED if noise is not None and noise.looks.get(e))
+    excluded, doubted = (frozenset(e for e in group if noise is not None and noise.looks.get(e)) for group in (TRACED, HINTED))
     no_generic = len(found.names) * np.log1p(-GENERIC_PRIOR)
     slow = [(frozenset[str](), found.none), *[(frozenset(c.support), c.entry) for c in found.closed if c.earned]]
     for support, entry in slow:
         with_other = entry.log_generic + np.log1p(-min(1.0 - 1e-12, np.exp(min(0.0, no_generic - entry.log_generic))))
         for trace, value in traces.items():
             extra = len([e for e in trace if e in EFFECTS and e not in support]) * np.log(INCLUSION / (1.0 - INCLUSION))
-            penalty = UNSEEN * len((support & excluded) - trace)
+            penalty = UNSEEN * len((support & excluded) - trace) + UNHINTED * len((support & doubted) - trace)
             both = support | trace
             add(both, entry.log_evidence + no_generic + value + extra + penalty)
             add(both | {OTHER}, entry.log_evidence + with_other + value + extra + penalty)

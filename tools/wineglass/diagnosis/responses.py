@@ -145,6 +145,9 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
                 values.append(response)
             if places:
                 found.append(Variant(effect.id, tuple(places), shapes))
+            simple = _simplest(effect.id, [columns[i] for i in places], places)
+            if simple:
+                found.append(Variant(effect.id, simple, shapes))
         if found:
             variants[effect.id] = found
         advance()
@@ -216,6 +219,14 @@ def _slow_sources(bench: Bench) -> dict[str, np.ndarray]:
         biased = bench.run(truth=truth.override({"resonator.cross_damping_rad_s": bias}))
         found["bias"] = (biased - bench.nominal) * (floor.rate_bias_instability_rad_s / WANDER_PROBE_RAD_S)
     return found
+
+
+def _simplest(effect: str, columns: list[Column], places: list[int]) -> tuple[int, ...]:
+    """Of an effect with several strengths the first alone: what needs no slope should not pay for one."""
+    names = list(dict.fromkeys(column.name for column in columns))
+    if len(names) < 2:
+        return ()
+    return tuple(place for place, column in zip(places, columns, strict=True) if column.name == names[0])
 
 
 # --- effects -------------------------------------------------------------------------------------------------------------
