@@ -10,7 +10,7 @@ from linear_bench import LinearBench, ridge, system_of
 from scipy.optimize import least_squares
 
 from wineglass.diagnosis.channels import Grid
-from wineglass.diagnosis.closure import Closed, Closer, Unknown, settings_of, within_bounds
+from wineglass.diagnosis.closure import NEIGHBOURS, Closed, Closer, Unknown, settings_of, within_bounds
 from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.responses import REACH, Column, Responses, Variant
 from wineglass.effects import Setting
@@ -87,7 +87,7 @@ def best_by_dense_algebra(made: Made, data: np.ndarray, low_s: float, high_s: fl
 
 @pytest.mark.parametrize("true_s", [33.0, 40.5, 45.5, 31.5])
 def test_a_moment_between_those_tried_is_found(made: Made, true_s: float) -> None:
-    """It lies within the two stretches about the moment that the linear pass took; noise free the frame is found, and the strength."""
+    """It lies within the stretches about the moment that the linear pass took; noise free the frame is found, and the strength."""
     data = 2.5 * made.step * (made.begins() >= true_s)
     taken = float(MOMENTS[np.argmin(np.abs(MOMENTS - true_s))])
     found = made.closer(data)._timed(made.start(made.at(taken), strengths=(1.0,)))
@@ -102,7 +102,7 @@ def test_in_noise_it_is_the_moment_that_gains_most_beside_what_is_uncertain(made
     for true_s in (30.0, 38.5, 44.0, 55.0):
         data = 1.5 * made.step * (made.begins() >= true_s) + 0.8 * made.known[0] - 1.1 * made.known[1] + rng.standard_normal((2, GRID.count))
         timed = made.closer(data)._timed(made.start(made.at(float(MOMENTS[taken])), strengths=(1.0,)))
-        moment, strength = best_by_dense_algebra(made, data, float(MOMENTS[taken - 1]), float(MOMENTS[taken + 1]))
+        moment, strength = best_by_dense_algebra(made, data, float(MOMENTS[taken - NEIGHBOURS]), float(MOMENTS[taken + NEIGHBOURS]))
         assert timed.variants[0].shapes["time_s"] == moment
         assert timed.coefficients[2] * REACH == pytest.approx(strength, rel=1e-6)
         found.append(moment)
@@ -119,10 +119,10 @@ def test_the_moment_counts_the_unit_from_where_the_bench_has_it(made: Made) -> N
     data = 0.4 * made.step * (made.begins() >= 38.5) + rng.standard_normal((2, GRID.count))
     timed = made.closer(data)._timed(made.start(made.at(float(MOMENTS[3])), strengths=(1.0,)))
     moved = data + np.tensordot(centre, np.array(made.known), 1)
-    moment, strength = best_by_dense_algebra(made, moved, float(MOMENTS[2]), float(MOMENTS[4]))
+    moment, strength = best_by_dense_algebra(made, moved, float(MOMENTS[3 - NEIGHBOURS]), float(MOMENTS[3 + NEIGHBOURS]))
     assert timed.variants[0].shapes["time_s"] == moment
     assert timed.coefficients[2] * REACH == pytest.approx(strength, rel=1e-6)
-    assert strength != pytest.approx(best_by_dense_algebra(made, data, float(MOMENTS[2]), float(MOMENTS[4]))[1], rel=1e-3)
+    assert strength != pytest.approx(best_by_dense_algebra(made, data, float(MOMENTS[3 - NEIGHBOURS]), float(MOMENTS[3 + NEIGHBOURS]))[1], rel=1e-3)
 
 
 @pytest.mark.parametrize(("place", "low_s", "high_s"), [(0, MOMENTS[0], MOMENTS[1]), (9, MOMENTS[8], 1e9)])
@@ -222,3 +222,12 @@ def test_impossible_needs_a_strength_at_its_end(made: Made) -> None:
 
 def replace_values(closed: Closed, values: np.ndarray) -> Closed:
     return Closed(closed.support, closed.variants, closed.unknowns, values, closed.jacobian, closed.response, replace(closed.products), closed.runs)
+
+
+def test_what_creeps_in_the_linear_pass_is_tried_as_a_step(made: Made) -> None:
+    """A step between two moments looks like creeping to both; closed, it is the step."""
+    data = 2.5 * made.step * (made.begins() >= 40.5)
+    creeping = next(v for v in made.responses.variants[STEP[0]] if v.shapes["creep_s"] > 0.0)
+    sudden = made.closer(data)._sudden(made.start(creeping, strengths=(1.0,)))
+    assert [start.variants[0].shapes["creep_s"] for start in sudden] == [0.0]
+    assert made.closer(data)._sudden(made.start(made.at(float(MOMENTS[3])), strengths=(1.0,))) == []

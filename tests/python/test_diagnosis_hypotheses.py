@@ -133,3 +133,8 @@ def test_only_what_left_a_trace_is_kept_of_every_set() -> None:
     found = hypotheses.only(Hypotheses({("clock_jitter", "damping_step"): 0.5, ("clock_jitter", OTHER): 0.2, ("ageing",): 0.1, ("excess_noise",): 0.15, (NONE,): 0.05}),
                             frozenset({"clock_jitter", "excess_noise"}))
     assert found.probability == pytest.approx({("clock_jitter",): 0.7, ("excess_noise",): 0.15, (NONE,): 0.15, (OTHER,): 0.0})
+
+
+def test_a_plain_gap_is_something() -> None:
+    found = hypotheses.not_none(Hypotheses({(NONE,): 0.8, (OTHER,): 0.05, ("ageing",): 0.15}))
+    assert found.probability == pytest.approx({(NONE,): 0.0, (OTHER,): 0.85, ("ageing",): 0.15})

@@ -23,6 +23,7 @@ SLOW = 0.4  # share of what the linear system promised that a good step keeps; a
 ENOUGH = 0.3  # nats promised: then it is closed
 NEGLIGIBLE = 1e-4  # of a prior's spread
 SHAPE_STEP, STRENGTH_STEP = 0.05, 0.005
+NEIGHBOURS = 2  # moments of the linear pass, on either side, between which a step is looked for
 MOMENT_S = 2.0  # about the moment that a linear pass found
 
 
@@ -118,8 +119,21 @@ class Closer:
         self._factor = cho_factor(self._gram + np.eye(len(self.nuisance)))
 
     def close(self, start: Explained) -> Closed:
-        unknowns, jacobian = _begin(self.bench, self.responses, self.pick, self._timed(start))
-        return self._search(start.support, start.variants, unknowns, np.array([u.start for u in unknowns]), jacobian)
+        found = []
+        for begun in (self._timed(start), *self._sudden(start)):
+            unknowns, jacobian = _begin(self.bench, self.responses, self.pick, begun)
+            found.append(self._search(begun.support, begun.variants, unknowns, np.array([u.start for u in unknowns]), jacobian))
+        return min(found, key=self.cost_of)
+
+    def _sudden(self, start: Explained) -> list[Explained]:
+        """What creeps from a moment on, also as a step: between its moments a linear pass may take one for the other."""
+        if len(start.variants) != 1 or not start.variants[0].shapes.get("creep_s") or "time_s" not in start.variants[0].shapes:
+            return []
+        creeping = start.variants[0]
+        steps = [v for v in self.responses.variants[creeping.effect] if v.shapes.get("creep_s") == 0.0]
+        after_s = creeping.shapes["time_s"] + 0.5 * creeping.shapes["creep_s"]
+        nearest = min(steps, key=lambda v: abs(v.shapes["time_s"] - after_s), default=None)
+        return [] if nearest is None else [self._timed(replace(start, variants=(nearest,)))]
 
     def _timed(self, start: Explained) -> Explained:
         """What happens at a moment, at the best one between its neighbours' in the linear pass: a response that begins later is the same, cut off."""
@@ -130,7 +144,7 @@ class Closer:
                          and all(v.shapes[name] == 0.0 for name in v.shapes if name != "time_s")), key=lambda v: v.shapes["time_s"])
         here, time_s = rivals.index(able[0]), self.bench.grid.time_s - 0.5 * self.bench.grid.frame_s
         best = (0.0, able[0], able[0].shapes["time_s"], 0.0)
-        for place in range(max(0, here - 1), here + 1):
+        for place in range(max(0, here - NEIGHBOURS), min(len(rivals), here + NEIGHBOURS)):
             until = rivals[place + 1].shapes["time_s"] if place + 1 < len(rivals) else time_s[-1]
             column = self.responses.values[rivals[place].columns[0]][self.pick]
             for moment in time_s[(time_s >= rivals[place].shapes["time_s"]) & (time_s < until)]:
@@ -255,13 +269,13 @@ class Closer:
 
 
 def respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
-    """(channels, n); with smaller values where the twin refuses these."""
+    """(channels, n); with smaller values where the twin refuses these, and nothing where it refuses any: a unit may stand at a limit of physics."""
     for _ in range(12):
         try:
             return (bench.run(settings_of(unknowns, values)) - bench.nominal)[pick]
         except BadInput:
             values = 0.5 * values
-    raise BadInput("no run of the envelope twin with these effects is possible", "diagnosis", "check the device description")
+    return np.zeros_like(bench.nominal[pick])
 
 
 def differences(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, response: np.ndarray) -> np.ndarray:

@@ -67,6 +67,12 @@ def below_the_floor(found: Hypotheses) -> Hypotheses:
     return Hypotheses({**kept, (NONE,): 1.0 - sum(kept.values())})
 
 
+def not_none(found: Hypotheses) -> Hypotheses:
+    """Where a gap is plain, what was believed of none is something else."""
+    kept = {**found.probability, (OTHER,): found.probability.get((OTHER,), 0.0) + found.none, (NONE,): 0.0}
+    return Hypotheses(kept)
+
+
 def only(found: Hypotheses, traced: frozenset[str]) -> Hypotheses:
     """Of every set what has a trace of its own: beside that no channel is beyond its floor."""
     kept: dict[Ids, float] = {(NONE,): 0.0, (OTHER,): 0.0}

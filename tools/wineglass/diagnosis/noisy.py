@@ -12,7 +12,8 @@ from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.noise_added import Added
 from wineglass.diagnosis.noise_level import NoiseEvidence
 
-FLICKER, DROPPED, TONE = "flicker_noise", "dropped_samples", "interference"
+FLICKER, DROPPED = "flicker_noise", "dropped_samples"
+BEATING = frozenset({"interference", "vibration"})
 SLOW_HZ = (0.01, 0.1)  # where a wander of the bias is compared with the described floor
 FED = ("secondary_", "rebalance_", "rate", "quadrature")
 MOST_MASKED = 0.8  # of all frames; what is left beyond that says nothing
@@ -42,8 +43,8 @@ def undisturbed(recorded: Frames, driven: Driven, noise: NoiseEvidence) -> Frame
 
 
 def without_beats(recorded: Frames) -> Frames:
-    """A tone beats with the carrier in whatever the secondary pickoff feeds, slowly enough for frames, and drifts as the shell does: nothing else is sought
-    there."""
+    """A tone, and a line of the mount, beat in whatever the secondary pickoff feeds, slowly enough for frames, and drift as the shell does: nothing else is
+    sought there."""
     use = recorded.use.copy()
     for i, name in enumerate(recorded.names):
         use[i] &= not name.startswith(FED)

@@ -21,6 +21,7 @@ from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.system import System
 from wineglass.diagnosis.unit import FARTHEST
 from wineglass.effects import Setting
+from wineglass.errors import BadInput
 from wineglass.scenario import Run
 from wineglass.simulation import in_memory
 
@@ -224,8 +225,12 @@ def _further(here: _Here, step: _Step) -> tuple[_Here, float] | None:
     """After the step, or a part of it, that leaves less, and by how much; None where no part does: along a ridge a linear system promises much."""
     cost, stride = here.cost(step.softening), 1.0
     while stride > SHORTEST:
-        moved = replace(_along(here.standing, here.setting.pick, here.names, stride * step.change), near=here.standing.slopes)
-        there = _Here(moved, here.setting, _shifted(here.frames, moved.bench, moved.envelope - here.standing.envelope))
+        try:
+            moved = replace(_along(here.standing, here.setting.pick, here.names, stride * step.change), near=here.standing.slopes)
+            there = _Here(moved, here.setting, _shifted(here.frames, moved.bench, moved.envelope - here.standing.envelope))
+        except BadInput:  # beyond what physics allows
+            stride *= 0.3
+            continue
         left = there.cost_with(step.softening, step.change[here.fixed])
         if left < cost:
             return there, cost - left

@@ -25,6 +25,7 @@ from wineglass.diagnosis.responses import Bench, Responses
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.system import System
 from wineglass.diagnosis.unit import FARTHEST
+from wineglass.errors import BadInput
 from wineglass.recording import Recording
 from wineglass.scenario import Run
 
@@ -97,7 +98,7 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
         added = noise.added(named - {noisy.FLICKER}) if named - {noisy.FLICKER} else None
         driven = noisy.device_with(driven, noise.added(named & {noisy.FLICKER}))
         recorded = noisy.undisturbed(recorded, driven, noise) if noisy.DROPPED in named else recorded
-        recorded = noisy.without_beats(recorded) if noisy.TONE in named else recorded
+        recorded = noisy.without_beats(recorded) if noisy.BEATING & named else recorded
     bench = Bench(driven, grid, recorded.names)
     rebalancing = drive.loop_at(driven, grid.time_s)
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}), added)
@@ -128,9 +129,10 @@ def _explained(there: Standing, base: Frames, nominal: Bench, setting: _Setting,
     if float(np.max(standing.energy_left(there, setting, base))) >= QUIET_ENOUGH:
         start = _start([(there.bench, base), (nominal, standing.at_bench(there, base, nominal))], setting, without, advance)
     followed = set() if start is None else {frozenset(start.closed.support)}
-    look = _look(there.bench, base, setting, without, advance) if start is None else _followed(start.closed, start.standing, setting, without, advance)
+    look = None if start is None else _followed(start.closed, start.standing, setting, without, advance)
+    look = look or _look(there.bench, base, setting, without, advance)
     while not look.settled and len(followed) < LOOKS and (best := look.promising(followed)) is not None:
-        look = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), setting, without, advance)
+        look = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), setting, without, advance) or look
         followed.add(frozenset(best.support))
     return look
 
@@ -151,16 +153,22 @@ def _start(places: list[tuple[Bench, Frames]], setting: _Setting, without: froze
     for bench, frames in places:
         for entry in _look(bench, frames, setting, without, advance, largest=1).closed[:STARTS]:
             start = Standing(bench, entry.unknowns, entry.values, entry.jacobian)
-            there, near = standing.roughly(start, setting, standing.with_effects(start, frames))
+            try:
+                there, near = standing.roughly(start, setting, standing.with_effects(start, frames))
+            except BadInput:  # closed where the twin refused a little more
+                continue
             found.append(_Start(entry, there, standing.energy_left(there, setting, near)))
         if any(np.max(start.left) < QUIET_ENOUGH for start in found):
             break
     return min(found, key=lambda start: float(np.sum(start.left)), default=None)
 
 
-def _followed(closed: Closed, start: Standing, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look:
-    """All explanations, about where the full twin puts this one; where it leaves no gap no sets are asked for that hold more."""
-    there, frames = standing.exactly(start, setting)
+def _followed(closed: Closed, start: Standing, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look | None:
+    """All explanations, about where the full twin puts this one; where it leaves no gap no sets are asked for that hold more. None: the full twin refuses it."""
+    try:
+        there, frames = standing.exactly(start, setting)
+    except BadInput:
+        return None
     settled = not _has_a_gap(there, frames, setting)
     return _look(there.bench, standing.without_effects(there, frames), setting, without, advance, (closed, there), largest=1 if settled else LARGEST, settled=settled)
 

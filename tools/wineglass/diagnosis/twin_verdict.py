@@ -22,6 +22,7 @@ from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, s
 COMPUTED_BY = "full twin with the effects added, firmware in the loop"
 UNKNOWN_ABOVE = 0.5
 LEAST_REMOVED = 0.2  # of the held-out gap
+PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
 PLACES = {"primary_in_phase": ("primary", "level"), "primary_quadrature": ("primary", "quadrature"), "drive_frequency": ("primary", "frequency"),
           "drive_level": ("primary", "level"), "secondary_in_phase": ("coupling", "in_phase"), "secondary_quadrature": ("coupling", "quadrature"),
           "rebalance_in_phase": ("coupling", "in_phase"), "rebalance_quadrature": ("coupling", "quadrature"), "rate": ("coupling", "in_phase"),
@@ -73,7 +74,10 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
     """What no channel shows on held-out data is no gap; what an explanation does not remove there, it does not explain. What noise, lines, events or codes
     have named stands without that."""
     removed = confirmed.total.fraction
-    if outcome.verdict == "no_gap" or (removed is not None and (outcome.verdict == "unknown" or removed >= LEAST_REMOVED)):
+    if outcome.verdict == "no_gap" and removed is not None and confirmed.total.before > PLAIN:
+        return Outcome("unknown", [], None), hypotheses.not_none(weighed)
+    stands = removed is not None and (outcome.verdict == "unknown" or outcome.chosen is None or removed >= LEAST_REMOVED)
+    if outcome.verdict == "no_gap" or stands:
         return outcome, hypotheses.below_the_floor(weighed) if removed is None and outcome.verdict == "no_gap" else weighed
     named = noise.named if noise is not None else []
     if removed is not None:
