@@ -74,9 +74,10 @@ def chosen(names: tuple[str, ...], floor: Floor) -> list[int]:
 
 
 def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], edges_s: list[float], jumps: np.ndarray,
-          regressors: np.ndarray | None, losses: float = 0.0) -> System:
+          regressors: np.ndarray | None, losses: float = 0.0, aside: np.ndarray | None = None) -> System:
     """names: the channels of floor. jumps (n,): frames in which the rate steps; regressors (m, n): inputs that an unknown effect may follow, None:
-    nothing unknown is asked for; losses: relative floor of the resonator's, which open loop is one of the scale factor too."""
+    nothing unknown is asked for; losses: relative floor of the resonator's, which open loop is one of the scale factor too; aside (n,): frames in the loop that was
+    in use for the shorter time."""
     grid = recorded.grid
     difference = np.array([recorded[name] - base[name] for name in names])
     use = np.array([recorded.use[recorded.names.index(n)] & base.use[base.names.index(n)] for n in names])
@@ -84,7 +85,7 @@ def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], 
     for name in (n for n in names if n in BALANCED):
         place = names.index(name)
         weight[place] /= 1.0 + UNBALANCED * _after(~use[place] if recorded.bridged is None else ~use[place] | recorded.bridged)
-    empty = System(grid, names, _scaled(floor, weight, difference), weight, _folds(grid, edges_s), (), difference)
+    empty = System(grid, names, _scaled(floor, weight, difference), weight, _folds(grid, edges_s, aside), (), difference)
     basis = tuple(np.zeros((grid.count, 0)) if regressors is None else _basis(empty, i, regressors) for i in range(len(names)))
     return replace(empty, basis=basis, data=empty.whiten(difference))
 
@@ -138,8 +139,9 @@ def _after(gap: np.ndarray) -> np.ndarray:
     return np.maximum.reduce([np.concatenate([np.zeros(k), gap[: len(gap) - k]]) for k in range(SHORT_ORDER + 1)])
 
 
-def _folds(grid: Grid, edges_s: list[float]) -> np.ndarray:
-    """Contiguous stretches of about equal length that end at edges, where there are some near by."""
+def _folds(grid: Grid, edges_s: list[float], aside: np.ndarray | None) -> np.ndarray:
+    """Contiguous stretches of about equal length that end at edges, where there are some near by; frames set aside in stretches of their own, because what
+    is seen in that loop alone cannot be told from the other one."""
     start, end = grid.first * grid.frame_s, (grid.first + grid.count) * grid.frame_s
     step = (end - start) / FOLDS
     cuts = []
@@ -147,7 +149,10 @@ def _folds(grid: Grid, edges_s: list[float]) -> np.ndarray:
         wanted = start + i * step
         near = [edge for edge in edges_s if abs(edge - wanted) < 0.3 * step]
         cuts.append(min(near, key=lambda edge: abs(edge - wanted)) if near else wanted)
-    return np.searchsorted(np.array(cuts), grid.time_s)
+    folds = np.searchsorted(np.array(cuts), grid.time_s)
+    if aside is not None and np.count_nonzero(aside) >= FOLDS:
+        folds[aside] = np.arange(np.count_nonzero(aside)) * FOLDS // np.count_nonzero(aside)
+    return folds
 
 
 def _basis(system: System, channel: int, regressors: np.ndarray) -> np.ndarray:

@@ -103,7 +103,8 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     rebalancing = drive.loop_at(driven, grid.time_s)
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}), added)
     pick = system.chosen(bench.names, floor)
-    setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid))
+    aside = rebalancing if np.mean(rebalancing) < 0.5 else ~rebalancing
+    setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid), aside)
     there, base = standing.exactly(standing.roughly(Standing(bench), setting)[0], setting)
     advance()
     look = _explained(there, base, bench, setting, without, advance) if _has_a_gap(there, base, setting) else _look(there.bench, base, setting, without, advance, largest=0)
@@ -237,13 +238,15 @@ class _Setting:
     pick: list[int]
     edges_s: list[float]
     jumps: np.ndarray
+    aside: np.ndarray
+    """(n,): frames in the loop that was in use for the shorter time"""
 
     def system(self, bench: Bench, base: Frames, unknown: bool = False) -> System:
         """unknown: with what an effect of no known kind may follow."""
         names = tuple(bench.names[i] for i in self.pick)
         losses = bench.driven.run.device.noise_floor.drive_level_relative
         followed = regressors(bench.driven, bench, base) if unknown else None
-        return system.build(self.recorded, base, self.floor, names, self.edges_s, self.jumps, followed, losses)
+        return system.build(self.recorded, base, self.floor, names, self.edges_s, self.jumps, followed, losses, self.aside)
 
 
 def _hold_out(closed: list[Closed], held_none: np.ndarray, softening: np.ndarray) -> None:
