@@ -138,3 +138,8 @@ def test_only_what_left_a_trace_is_kept_of_every_set() -> None:
 def test_a_plain_gap_is_something() -> None:
     found = hypotheses.not_none(Hypotheses({(NONE,): 0.8, (OTHER,): 0.05, ("ageing",): 0.15}))
     assert found.probability == pytest.approx({(NONE,): 0.0, (OTHER,): 0.85, ("ageing",): 0.15})
+
+
+def test_what_does_not_stand_alone_has_something_unknown_beside_it() -> None:
+    found = hypotheses.with_other(Hypotheses({("ageing",): 0.6, ("ageing", OTHER): 0.1, ("clock_error",): 0.2, (NONE,): 0.1}))
+    assert found.probability == pytest.approx({("ageing", OTHER): 0.7, ("clock_error", OTHER): 0.2, (NONE,): 0.1, (OTHER,): 0.0})

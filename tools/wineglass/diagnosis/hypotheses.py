@@ -73,6 +73,16 @@ def not_none(found: Hypotheses) -> Hypotheses:
     return Hypotheses(kept)
 
 
+def with_other(found: Hypotheses) -> Hypotheses:
+    """Every explanation with something unknown beside it."""
+    kept: dict[Ids, float] = {(NONE,): found.none, (OTHER,): 0.0}
+    for ids, p in found.probability.items():
+        if NONE not in ids:
+            beside = tuple(sorted({*ids, OTHER}))
+            kept[beside] = kept.get(beside, 0.0) + p
+    return Hypotheses(kept)
+
+
 def only(found: Hypotheses, traced: frozenset[str]) -> Hypotheses:
     """Of every set what has a trace of its own: beside that no channel is beyond its floor."""
     kept: dict[Ids, float] = {(NONE,): 0.0, (OTHER,): 0.0}

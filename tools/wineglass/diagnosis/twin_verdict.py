@@ -21,7 +21,7 @@ from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, s
 
 COMPUTED_BY = "full twin with the effects added, firmware in the loop"
 UNKNOWN_ABOVE = 0.5
-LEAST_REMOVED = 0.2  # of the held-out gap
+LEAST_REMOVED, ENOUGH_REMOVED = 0.2, 0.9  # of the held-out gap: less is nothing; an explanation that leaves more than a tenth does not stand alone
 PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
 PLACES = {"primary_in_phase": ("primary", "level"), "primary_quadrature": ("primary", "quadrature"), "drive_frequency": ("primary", "frequency"),
           "drive_level": ("primary", "level"), "secondary_in_phase": ("coupling", "in_phase"), "secondary_quadrature": ("coupling", "quadrature"),
@@ -76,10 +76,13 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
     removed = confirmed.total.fraction
     if outcome.verdict == "no_gap" and removed is not None and confirmed.total.before > PLAIN:
         return Outcome("unknown", [], None), hypotheses.not_none(weighed)
-    stands = removed is not None and (outcome.verdict == "unknown" or outcome.chosen is None or removed >= LEAST_REMOVED)
+    enough = ENOUGH_REMOVED if outcome.verdict == "attributed" else LEAST_REMOVED
+    stands = removed is not None and (outcome.verdict == "unknown" or outcome.chosen is None or removed >= enough)
     if outcome.verdict == "no_gap" or stands:
         return outcome, hypotheses.below_the_floor(weighed) if removed is None and outcome.verdict == "no_gap" else weighed
     named = noise.named if noise is not None else []
+    if removed is not None and removed >= LEAST_REMOVED:
+        return Outcome("unknown", outcome.named, outcome.chosen), hypotheses.with_other(weighed)
     if removed is not None:
         return Outcome("unknown", [tuple(named)] if named else [], outcome.chosen), weighed
     if noise is None or not named:
