@@ -121,6 +121,8 @@ def sentence(outcome: Outcome, confirmed: Confirmed) -> str:
         return "No gap: within its tolerances the nominal twin leaves no more than noise in every channel."
     worst = max(confirmed.changes, key=lambda c: c.before / max(c.floor, 1e-300))
     size = f"There is a gap, largest in {worst.channel}: {worst.before:.3g} {unit_of(worst.channel)} on held-out data, {worst.before / max(worst.floor, 1e-300):.3g} times the floor"
+    if total.fraction is None and outcome.named:
+        size = "Means stay within their floors, but noise, lines, events or codes do not look like the twin's"
     shrunk = "" if total.fraction is None else f" ({max(0.0, total.fraction):.1%} of the gap above the floor goes)"
     if outcome.verdict == "attributed":
         return f"{size}; {_in_words(outcome.named[0])} explains it{shrunk}."
