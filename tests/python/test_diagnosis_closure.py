@@ -10,7 +10,7 @@ from linear_bench import LinearBench, ridge, system_of
 from scipy.optimize import least_squares
 
 from wineglass.diagnosis.channels import Grid
-from wineglass.diagnosis.closure import NEIGHBOURS, Closed, Closer, Unknown, settings_of, within_bounds
+from wineglass.diagnosis.closure import NEIGHBOURS, Closed, Closer, NoNumbersError, Unknown, settings_of, within_bounds
 from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.responses import REACH, Column, Responses, Variant
 from wineglass.effects import Setting
@@ -231,3 +231,10 @@ def test_what_creeps_in_the_linear_pass_is_tried_as_a_step(made: Made) -> None:
     sudden = made.closer(data)._sudden(made.start(creeping, strengths=(1.0,)))
     assert [start.variants[0].shapes["creep_s"] for start in sudden] == [0.0]
     assert made.closer(data)._sudden(made.start(made.at(float(MOMENTS[3])), strengths=(1.0,))) == []
+
+
+def test_responses_beyond_numbers_are_refused_and_not_weighed(made: Made) -> None:
+    data = 2.5 * made.step * (made.begins() >= 40.5)
+    made.responses.values[2:] *= 1e200
+    with np.errstate(all="ignore"), pytest.raises(NoNumbersError):
+        made.closer(data).close(made.start(made.at(float(MOMENTS[3])), strengths=(1.0,)))

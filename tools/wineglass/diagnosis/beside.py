@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 
 from wineglass.diagnosis import explain, system
-from wineglass.diagnosis.closure import Closed, Closer
+from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
 from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.responses import Responses, Variant
 
@@ -31,7 +33,11 @@ def beside(closer: Closer, best: Closed, found: Responses, columns: np.ndarray, 
     more = [max((tried(v) for v in variants), key=lambda entry: entry.log_evidence)
             for effect, variants in found.variants.items() if effect not in best.support]
     able = sorted((e for e in more if e.log_evidence > alone.log_evidence + LEAST_GAIN), key=lambda e: -e.log_evidence)
-    return [closer.beside(best, _alone(entry, first, nuisances)) for entry in able[:TRIED]]
+    closed = []
+    for entry in able[:TRIED]:
+        with suppress(NoNumbersError):
+            closed.append(closer.beside(best, _alone(entry, first, nuisances)))
+    return closed
 
 
 def _alone(entry: Explained, first: int, nuisances: int) -> Explained:

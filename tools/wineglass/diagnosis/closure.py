@@ -106,6 +106,10 @@ class Ground:
     centre: np.ndarray
 
 
+class NoNumbersError(ArithmeticError):
+    """An explanation about which the envelope twin's responses are no numbers, or beyond them: it cannot be weighed."""
+
+
 class Closer:
     """What all closures of one recording have in common. pick: the system's channels among those of the bench."""
 
@@ -223,6 +227,8 @@ class Closer:
                 runs += len(unknowns)
         self._cheapest = min(self._cheapest, cost)
         found = self._linear(jacobian * spread[:, None, None], response, (values - middle) / spread)
+        if not np.all(np.isfinite(found.gram)):
+            raise NoNumbersError
         return Closed(support, variants, unknowns, values, jacobian, response, found, runs)
 
     def _within_numbers(self, unknowns: list[Unknown], values: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -256,6 +262,8 @@ class Closer:
 
     def _solution(self, gram: np.ndarray) -> tuple[np.ndarray, float]:
         """How far off the linear system has its best point, in spreads, and the cost there."""
+        if not np.all(np.isfinite(gram)):
+            raise NoNumbersError
         coefficients, _ = posterior_mean(gram, list(range(len(gram) - 1)))
         return coefficients[len(self.nuisance):], 0.5 * float(gram[-1, -1] - gram[:-1, -1] @ coefficients)
 

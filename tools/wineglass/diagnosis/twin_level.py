@@ -6,6 +6,7 @@ docs/DIAGNOSIS.md argues every step.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +17,7 @@ from wineglass.device import Device
 from wineglass.diagnosis import changes, channels, drive, explain, floors, noisy, responses, standing, system
 from wineglass.diagnosis.beside import beside
 from wineglass.diagnosis.channels import Frames, Grid
-from wineglass.diagnosis.closure import Closed, Closer
+from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
 from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.floors import Floor
@@ -168,10 +169,11 @@ def _followed(closed: Closed, start: Standing, setting: _Setting, without: froze
     """All explanations, about where the full twin puts this one; where it leaves no gap no sets are asked for that hold more. None: the full twin refuses it."""
     try:
         there, frames = standing.exactly(start, setting)
-    except BadInput:
+        settled = not _has_a_gap(there, frames, setting)
+        base = standing.without_effects(there, frames)
+        return _look(there.bench, base, setting, without, advance, (closed, there), largest=1 if settled else LARGEST, settled=settled)
+    except (BadInput, NoNumbersError):
         return None
-    settled = not _has_a_gap(there, frames, setting)
-    return _look(there.bench, standing.without_effects(there, frames), setting, without, advance, (closed, there), largest=1 if settled else LARGEST, settled=settled)
 
 
 @dataclass(frozen=True)
@@ -223,7 +225,8 @@ def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str]
         closed = {again.support: again} | {entry.support: entry for entry in more}
     for entry in _worth_closing(_ranked(table, found)) if largest else []:
         if entry.support not in closed and len(entry.support) <= largest:
-            closed[entry.support] = closer.close(entry)
+            with suppress(NoNumbersError):
+                closed[entry.support] = closer.close(entry)
     advance()
     weighed, softening, none = _weighed(built, _with_parts(closer, list(closed.values())), table, found, counts)
     return _Look(bench, base, found, built, table, none, weighed, softening, settled)
@@ -342,7 +345,10 @@ def _with_parts(closer: Closer, closed: list[Closed]) -> list[Closed]:
         sets = sorted((entry for entry in found.values() if len(entry.support) == size), key=cost)[:PARTED]
         for entry in sets:
             for effect in entry.support:
-                part = closer.without(entry, effect)
+                try:
+                    part = closer.without(entry, effect)
+                except NoNumbersError:
+                    continue
                 if part.support not in found or cost(part) < cost(found[part.support]):
                     found[part.support] = part
     return list(found.values())
