@@ -143,3 +143,13 @@ def test_a_plain_gap_is_something() -> None:
 def test_what_does_not_stand_alone_has_something_unknown_beside_it() -> None:
     found = hypotheses.with_other(Hypotheses({("ageing",): 0.6, ("ageing", OTHER): 0.1, ("clock_error",): 0.2, (NONE,): 0.1}))
     assert found.probability == pytest.approx({("ageing", OTHER): 0.7, ("clock_error", OTHER): 0.2, (NONE,): 0.1, (OTHER,): 0.0})
+
+
+def test_beside_something_unknown_effects_are_believed_as_far_as_is_said() -> None:
+    found = hypotheses.doubted(Hypotheses({("ageing", "clock_jitter", OTHER): 0.8, ("ageing", "clock_jitter"): 0.1, (OTHER,): 0.1}), frozenset({"clock_jitter"}), 0.25)
+    assert found.probability[("ageing", "clock_jitter", OTHER)] == pytest.approx(0.2)
+    assert found.probability[("clock_jitter", OTHER)] == pytest.approx(0.6)
+    assert found.marginal("ageing") == pytest.approx(0.3)
+    assert found.marginal("clock_jitter") == pytest.approx(0.9)
+    assert found.other == pytest.approx(0.9)
+    assert sum(found.probability.values()) == pytest.approx(1.0)

@@ -11,12 +11,15 @@ from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
 from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.responses import Responses, Variant
 
+LARGEST = 3  # effects: what has to be explained by more is something else
 TRIED = 3  # single effects that are closed beside the explanation
 LEAST_GAIN = 4.0  # nats, their priors included
 
 
 def beside(closer: Closer, best: Closed, found: Responses, columns: np.ndarray, counts: dict[str, int]) -> list[Closed]:
     """The explanation with one more effect each, the most promising first. columns (k, channels, n): the responses', whitened and scaled."""
+    if len(best.support) >= LARGEST:
+        return []
     built, nuisances = closer.system, len(found.nuisances)
     spread, middle = np.array([u.spread for u in best.unknowns]), np.array([u.middle for u in best.unknowns])
     own, effects = built.whiten(best.jacobian * spread[:, None, None]), columns[nuisances:]

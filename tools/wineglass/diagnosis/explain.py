@@ -74,14 +74,27 @@ def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, flo
 
 def within(gram: np.ndarray, places: list[int], middle: np.ndarray, limit: float) -> np.ndarray:
     """Coefficients of `places` that stay within limit standard deviations of their priors' middles: bounded least squares, priors included."""
-    free, _ = posterior_mean(gram, places)
-    if np.all(np.abs(free - middle) <= limit):
-        return free
+    found, _ = posterior_mean(gram, places)
     part = gram[np.ix_(places, places)]
     size = np.sqrt(np.maximum(np.diagonal(part), 1e-12))
-    factor = np.linalg.cholesky(part / np.outer(size, size) + np.diag(1.0 / size**2 + JITTER))
-    target = solve_triangular(factor, gram[places, -1] / size, lower=True)
-    return lsq_linear(factor.T, target, bounds=((middle - limit) * size, (middle + limit) * size), method="bvls").x / size
+    inner, target = part / np.outer(size, size) + np.diag(1.0 / size**2 + JITTER), gram[places, -1] / size
+    bounded = np.zeros(len(places), bool)
+    while np.any(beyond := (np.abs(found - middle) > limit * (1.0 + 1e-9)) & ~bounded):  # few ever are: only these need the slow solution
+        bounded |= beyond
+        found = _bounded(inner, target, bounded, (middle - limit) * size, (middle + limit) * size) / size
+    return found
+
+
+def _bounded(inner: np.ndarray, target: np.ndarray, bounded: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The least of x (inner/2) x - target x where some stay between low and high, and the others are at their best beside them."""
+    free, found = ~bounded, np.zeros(len(target))
+    beside = np.linalg.solve(inner[np.ix_(free, free)], np.column_stack([inner[np.ix_(free, bounded)], target[free]]))
+    reduced = inner[np.ix_(bounded, bounded)] - inner[np.ix_(bounded, free)] @ beside[:, :-1]
+    factor = np.linalg.cholesky(0.5 * (reduced + reduced.T))
+    projected = solve_triangular(factor, target[bounded] - inner[np.ix_(bounded, free)] @ beside[:, -1], lower=True)
+    found[bounded] = lsq_linear(factor.T, projected, bounds=(low[bounded], high[bounded]), method="bvls").x
+    found[free] = beside[:, -1] - beside[:, :-1] @ found[bounded]
+    return found
 
 
 def _generic(projection: np.ndarray, softening: float) -> float:

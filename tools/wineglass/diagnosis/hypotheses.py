@@ -83,6 +83,16 @@ def with_other(found: Hypotheses) -> Hypotheses:
     return Hypotheses(kept)
 
 
+def doubted(found: Hypotheses, traced: frozenset[str], believed: float) -> Hypotheses:
+    """Of every set with something unknown in it, effects without a trace of their own are believed to this share."""
+    kept: dict[Ids, float] = {(NONE,): 0.0, (OTHER,): 0.0}
+    for ids, p in found.probability.items():
+        less = tuple(e for e in ids if e == OTHER or e in traced) if OTHER in ids else ids
+        kept[ids] = kept.get(ids, 0.0) + believed * p
+        kept[less] = kept.get(less, 0.0) + (1.0 - believed) * p
+    return Hypotheses(kept)
+
+
 def only(found: Hypotheses, traced: frozenset[str]) -> Hypotheses:
     """Of every set what has a trace of its own: beside that no channel is beyond its floor."""
     kept: dict[Ids, float] = {(NONE,): 0.0, (OTHER,): 0.0}

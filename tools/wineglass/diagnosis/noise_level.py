@@ -9,7 +9,7 @@ Independent looks, added up: broadband spectra (noise_spectra.py), lines (noise_
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -85,6 +85,10 @@ class NoiseEvidence:
         found = [(event.time_s - 0.1, event.time_s + (STALE_S if event.stale else DECAYS / decay_per_s)) for event in self.events.found]
         jumps = any(not event.stale for event in self.events.found)
         return found + [(begin, end + (DECAYS / decay_per_s if jumps else STALE_S)) for begin, end in self.events.hidden_s]
+
+    def forget(self, without: frozenset[str]) -> NoiseEvidence:
+        """The same with effects taken out of the catalogue (for tests of honesty)."""
+        return replace(self, log_evidence={chosen: value for chosen, value in self.log_evidence.items() if not chosen & without}) if without else self
 
     @property
     def named(self) -> list[str]:

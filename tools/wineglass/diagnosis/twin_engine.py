@@ -47,7 +47,7 @@ def examine(path: Path, device: str | Path | None = None, advance: Callable[[], 
         if not applies(recording, described):
             return None
         notes = soundness.check(recording, described)
-        noise = noise_level.examine(recording, described)
+        noise = noise_level.examine(recording, described).forget(without)
         advance()
         found = twin_level.analyse(recording, described, without, advance, noise)
         weighed = hypotheses.weigh(found, noise)

@@ -15,7 +15,7 @@ import numpy as np
 from wineglass import effects
 from wineglass.device import Device
 from wineglass.diagnosis import changes, channels, drive, explain, floors, noisy, responses, standing, system
-from wineglass.diagnosis.beside import beside
+from wineglass.diagnosis.beside import LARGEST, beside
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
 from wineglass.diagnosis.drive import Driven
@@ -31,7 +31,7 @@ from wineglass.recording import Recording
 from wineglass.scenario import Run
 
 ENGINE = "twin_level"
-CLOSED_SINGLES, CLOSED_SETS, LARGEST = 4, 3, 3
+CLOSED_SINGLES, CLOSED_SETS = 4, 3
 PARTED = 1  # sets of each size that are also tried without each of their effects
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth

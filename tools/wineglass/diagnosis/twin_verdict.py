@@ -21,7 +21,8 @@ from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, s
 
 COMPUTED_BY = "full twin with the effects added, firmware in the loop"
 UNKNOWN_ABOVE = 0.5
-LEAST_REMOVED, ENOUGH_REMOVED = 0.2, 0.9  # of the held-out gap: less is nothing; an explanation that leaves more than a tenth does not stand alone
+LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
+ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.9, 0.95  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
 PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
 PLACES = {"primary_in_phase": ("primary", "level"), "primary_quadrature": ("primary", "quadrature"), "drive_frequency": ("primary", "frequency"),
           "drive_level": ("primary", "level"), "secondary_in_phase": ("coupling", "in_phase"), "secondary_quadrature": ("coupling", "quadrature"),
@@ -76,7 +77,10 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
     removed = confirmed.total.fraction
     if outcome.verdict == "no_gap" and removed is not None and confirmed.total.before > PLAIN:
         return Outcome("unknown", [], None), hypotheses.not_none(weighed)
-    enough = ENOUGH_REMOVED if outcome.verdict == "attributed" else LEAST_REMOVED
+    if outcome.verdict in ("attributed", "ambiguous") and outcome.chosen is None and removed is not None and confirmed.total.before > PLAIN:
+        return Outcome("unknown", outcome.named[:1], None), hypotheses.with_other(weighed)
+    alone = outcome.chosen is None or len(outcome.chosen.support) == 1
+    enough = LEAST_REMOVED if outcome.verdict != "attributed" else ENOUGH_REMOVED if alone else ENOUGH_OF_SEVERAL
     stands = removed is not None and (outcome.verdict == "unknown" or outcome.chosen is None or removed >= enough)
     if outcome.verdict == "no_gap" or stands:
         return outcome, hypotheses.below_the_floor(weighed) if removed is None and outcome.verdict == "no_gap" else weighed
@@ -89,6 +93,18 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
         return Outcome("no_gap", [], None), hypotheses.below_the_floor(weighed)
     weighed = hypotheses.only(weighed, noise.within_reach)
     return replace(decide(found, weighed), chosen=None), weighed
+
+
+def _beside_unknown(outcome: Outcome, weighed: Hypotheses, removed: float | None, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
+    """What something unknown is beside may be its doing: effects are believed as the square of what they remove, and named if that is more than not. What
+    noise, lines, events or codes have named stands without that, but for a bias that wanders."""
+    if outcome.verdict != "unknown" or removed is None:
+        return outcome, weighed
+    traced = frozenset(noise.named if noise is not None else ()) - {"flicker_noise"}
+    weighed = hypotheses.doubted(weighed, traced, min(1.0, max(0.0, removed)) ** 2)
+    named = tuple(e for e in (outcome.named[0] if outcome.named else ()) if weighed.marginal(e) > UNKNOWN_ABOVE)
+    chosen = outcome.chosen if outcome.chosen is not None and set(named) & set(outcome.chosen.support) else None
+    return Outcome("unknown", [named] if named else [], chosen), weighed
 
 
 @dataclass(frozen=True)
@@ -104,6 +120,10 @@ def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | No
     outcome = decide(found, weighed)
     confirmed = confirmation.confirm(found, outcome.chosen)
     outcome, weighed = _held_to_the_gap(found, outcome, weighed, confirmed, noise)
+    believed, weighed = _beside_unknown(outcome, weighed, confirmed.total.fraction, noise)
+    if outcome.chosen is not None and believed.chosen is None:
+        confirmed = confirmation.confirm(found, None)
+    outcome = believed
     listed = _hypotheses(weighed)
     named = _effects(found, outcome, confirmed, listed, noise)
     diagnosis = Diagnosis(
