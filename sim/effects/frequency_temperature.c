@@ -1,4 +1,5 @@
-/* The shell's frequency follows temperature otherwise than described: k -> k (1 + s t + c t^2), both modes alike. */
+/* The shell's frequency follows temperature otherwise than described: k -> k (1 + s t + c t^2), both modes alike. Q, split and quadrature stay what they are, so
+ * that this is the same as another slope in the description. */
 #include "sim/effects/effect.h"
 
 static void apply(const double *values, const double *state, const struct effect_context *now, struct plant_parameters *p)
@@ -8,12 +9,15 @@ static void apply(const double *values, const double *state, const struct effect
     double ratio = 1.0 + 1e-6 * t * (values[0] + t * values[1]);
     p->resonator.stiffness[0] *= ratio * ratio;
     p->resonator.stiffness[1] *= ratio * ratio;
+    p->resonator.cross_stiffness *= ratio;
+    p->resonator.damping[0] *= ratio;
+    p->resonator.damping[1] *= ratio;
 }
 
 const struct effect effect_frequency_temperature = {
     .id = "frequency_temperature",
     .stage = EFFECT_STAGE_PRIMARY,
-    .equation = "k -> k (1 + s t + c t^2), t = T - T0",
+    .equation = "k -> k (1 + s t + c t^2), t = T - T0, at the same Q",
     .appearance = "drive frequency against temperature; nothing in rate or level",
     .parameter = {
         {"slope_ppm_per_degc", "ppm/degC", EFFECT_STRENGTH, 0.0, -200.0, 200.0, 0.5,

@@ -29,7 +29,12 @@ from wineglass import device, effects, protocols, scenario
 from wineglass.blind.statistics import Share
 from wineglass.diagnosis import twin_engine
 from wineglass.diagnosis.contract import Diagnosis
+from wineglass.diagnosis.explain import posterior_mean
+from wineglass.diagnosis.system import products
+from wineglass.diagnosis.twin_engine import Examined
 from wineglass.diagnosis.unit import Unit
+from wineglass.effects import Setting
+from wineglass.scenario import Run
 from wineglass.simulation import simulate
 
 DEVICE = "metal-fast"
@@ -38,6 +43,7 @@ TIMES_TYPICAL = {"thermometer_lag": 0.05, "cross_damping": 10.0, "frequency_temp
                  "drive_phase": 3.0, "flicker_noise": 5.0}
 LARGEST_OFF = 1.7  # standard deviations of a drawn unit
 SURE = 0.8
+TWINS = 10.0  # nats: a recording that holds less against an explanation cannot tell it from the truth
 
 
 @dataclass(frozen=True)
@@ -88,13 +94,30 @@ def judged(case: Case) -> dict[str, object]:
         simulate(scenario.prepare(planned), path, effects=chosen)
         made = time.process_time()
         found = twin_engine.examine(path, without=frozenset([case.effect] if case.without else []))
+        against = nats_against(found, scenario.prepare(planned), chosen) if case.without else None
     assert found is not None
     diagnosis = found.verdict.diagnosis
     where = diagnosis.where[0] if diagnosis.where else None
     return {**asdict(case), "verdict": diagnosis.verdict, "named": [e.id for e in diagnosis.effects], "confident": [e.id for e in diagnosis.effects if e.confidence >= SURE],
             "alternatives": diagnosis.alternatives, "stage": where.stage if where else None, "removed": diagnosis.shrink.all.fraction,
-            "held": held(case.effect, diagnosis) if case.effect else [], "next": diagnosis.next_experiment.run if diagnosis.next_experiment else None,
+            "held": held(case.effect, diagnosis) if case.effect else [], "against": against, "next": diagnosis.next_experiment.run if diagnosis.next_experiment else None,
             "making_s": made - begun, "diagnosis_s": time.process_time() - made}
+
+
+def nats_against(found: Examined, truth: Run, effect: list[Setting]) -> float | None:
+    """What the recording holds, noise aside, against the explanation that was blamed: the least that it leaves of what the effect does, everything uncertain
+    and its own parameters moving along. None: nothing was blamed for what the means show."""
+    analysis, blamed = found.analysis, found.verdict.outcome.chosen
+    if blamed is None or found.verdict.outcome.verdict != "attributed":
+        return None
+    bench, pick, places = analysis.bench, analysis.pick, list(analysis.responses.nuisances)
+    left = (bench.run(effect, truth=truth.truth) - bench.nominal)[pick] - blamed.response
+    spread = np.array([u.spread for u in blamed.unknowns])
+    off = (blamed.values - np.array([u.middle for u in blamed.unknowns])) / spread
+    columns = np.concatenate([analysis.responses.values[places][:, pick, :], blamed.jacobian * spread[:, None, None]])
+    table = products(analysis.system, analysis.system.whiten(columns), np.concatenate([analysis.responses.centre, off]), analysis.system.whiten(left))
+    best, _ = posterior_mean(table.pooled(np.ones(len(pick))), list(range(table.count)))
+    return 0.5 * float(np.sum(table.left(best)))
 
 
 def sets_of(row: dict) -> list[list[str]]:
@@ -108,7 +131,11 @@ def counted(rows: list[dict]) -> list[str]:
     numbers = [inside for r in seen if r["verdict"] == "attributed" for inside in r["held"]]
     lines = [_share("healthy: no_gap", [r["verdict"] == "no_gap" for r in healthy])]
     if any(r["without"] for r in rows):
-        lines.append(_share("withheld: nothing blamed with confidence", [not (r["verdict"] == "attributed" and r["confident"]) for r in with_effect]))
+        blamed = [r["verdict"] == "attributed" and bool(r["confident"]) for r in with_effect]
+        twins = [r["against"] is not None and r["against"] < TWINS for r in with_effect]
+        lines += [_share("withheld: nothing blamed with confidence", [not b for b in blamed]),
+                  _share("the same, true twins excepted", [not b for b, twin in zip(blamed, twins, strict=True) if not twin]),
+                  _share("unknown, and nothing wrong named beside it with confidence", [not r["confident"] for r in with_effect if r["verdict"] == "unknown"])]
     else:
         lines += [_share("truth in a named set", [any(r["effect"] in ids for ids in sets_of(r)) for r in with_effect]),
                   _share("alone and right", [r["verdict"] == "attributed" and r["named"] == [r["effect"]] for r in with_effect]),

@@ -44,6 +44,8 @@ BURIED = 300.0
 ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermometer_quantisation")
 """effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
 STALE_S, DECAYS = 0.5, 16.0
+INTERVAL_S, STAIR = 0.02, 1.5
+"""events are known to an interval of the baseband, and all of them are off alike: what one stair does at worst to the slope of a line through it"""
 _CURVES = frozenset({"adc_saturation", "adc_nonlinearity"})
 OTHER_PENALTY = 4.0
 
@@ -380,7 +382,7 @@ class _Looks:
             step = self.steps.step_degc
             found["thermometer_quantisation"] = [("step_degc", step, (0.995 * step, 1.005 * step), "degC")]
         if self.output.deviations:
-            found["firmware_mismatch"] = [(d.name, d.error, (d.error - 2.0 * d.sigma, d.error + 2.0 * d.sigma), "1" if d.name != "offset" else "rad/s")
+            found["firmware_mismatch"] = [("offset_rad_s" if d.name == "offset" else d.name, d.error, (d.error - 2.0 * d.sigma, d.error + 2.0 * d.sigma), "1" if d.name != "offset" else "rad/s")
                                           for d in self.output.deviations]
         return found
 
@@ -462,8 +464,8 @@ def _distance_s(times: np.ndarray, examined_s: float) -> tuple[float, float]:
         slope, _ = np.polyfit(number, times, 1)
         rest = times - np.polyval(np.polyfit(number, times, 1), number)
         if np.std(rest) < 0.05 * usual:
-            sigma = np.hypot(np.std(rest), 0.01) / np.sqrt(np.sum((number - number.mean()) ** 2))
-            return float(slope), 2.0 * float(sigma)
+            sigma = np.std(rest) / np.sqrt(np.sum((number - number.mean()) ** 2))
+            return float(slope), float(np.hypot(2.0 * sigma, STAIR * INTERVAL_S / np.ptp(number)))
     usual = examined_s / len(times)
     return usual, min(0.9, 2.0 / np.sqrt(len(times))) * usual
 

@@ -15,7 +15,7 @@ from wineglass.diagnosis.contract import (ChannelShrink, Diagnosis, EffectFound,
                                           TotalShrink, Where)
 from wineglass.diagnosis.hypotheses import SETTLED, Hypotheses, Ids
 from wineglass.diagnosis.noise_level import NoiseEvidence
-from wineglass.diagnosis.responses import POLAR
+from wineglass.diagnosis.responses import POLAR, STEP_S
 from wineglass.diagnosis.twin_level import ENGINE, TwinAnalysis
 from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, stage_of
 
@@ -212,13 +212,15 @@ def _estimate(found: TwinAnalysis, closed: Closed | None, outcome: Outcome, conf
 
 
 def _parameters(closed: Closed, effect: str, values: np.ndarray, covariance: np.ndarray) -> list[Parameter]:
+    """Moments are known to half a step of the envelope twin that gave their slopes."""
     numbers = []
     mine = [i for i, u in enumerate(closed.unknowns) if u.effect == effect]
     units = {p.name: p.unit for p in effects.find(effect).parameters}
     for i in mine:
         unknown, deviation = closed.unknowns[i], float(np.sqrt(max(covariance[i, i], 0.0)))
         if unknown.role in ("strength", "shape"):
-            numbers.append(_number(unknown.name, float(values[i]), deviation, units[unknown.name]))
+            moment = 0.5 * STEP_S if unknown.role == "shape" and units[unknown.name] == "s" else 0.0
+            numbers.append(_number(unknown.name, float(values[i]), float(np.hypot(deviation, moment)), units[unknown.name]))
     if effect in POLAR:
         numbers = [*_polar_numbers(closed, effect, mine, values, covariance), *numbers]
     return numbers
