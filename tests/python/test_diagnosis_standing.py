@@ -148,7 +148,8 @@ def test_the_full_twin_has_the_last_word(made: Made, monkeypatch: pytest.MonkeyP
 
     asked = full(monkeypatch, bent)
     recorded = bent(OFF, ()) + made.noise
-    there, frames = standing.exactly(Standing(made.bench), Judge(recorded))
+    found = standing.exactly(Standing(made.bench), Judge(recorded))
+    there, frames = found.standing, found.frames
     assert there.bench.unit.off == pytest.approx(OFF, abs=0.01)
     assert float(np.mean((recorded - frames.values) ** 2)) < 1.1 * float(np.mean(made.noise**2))
     assert 2 <= len(asked) <= 4
@@ -160,6 +161,22 @@ def test_a_step_that_the_full_twin_does_not_confirm_is_taken_back(made: Made, mo
     """It goes the other way from where the envelope says."""
     full(monkeypatch, lambda off, effects: made.of_unit(-off))
     recorded = made.of_unit(OFF) + made.noise
-    there, frames = standing.exactly(Standing(made.bench), Judge(recorded))
+    found = standing.exactly(Standing(made.bench), Judge(recorded))
+    there, frames = found.standing, found.frames
     assert np.all(there.bench.unit.off == 0.0)
     assert np.all(frames.values == 0.0)
+
+
+def test_it_is_known_where_the_full_twin_was_run_last(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = full(monkeypatch, lambda off, effects: made.of_unit(off + 0.05 * off**2))
+    found = standing.exactly(Standing(made.bench), Judge(made.of_unit(OFF) + made.noise))
+    there, frames = found.ran
+    assert np.array_equal(there.bench.unit.off, asked[-1])
+    assert np.array_equal(frames.values, made.of_unit(asked[-1] + 0.05 * asked[-1] ** 2))
+
+
+def test_what_no_unit_explains_gets_one_run(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = full(monkeypatch, lambda off, effects: made.of_unit(off + 0.05 * off**2))
+    recorded = made.of_unit(OFF) + made.noise + 100.0 * np.random.default_rng(3).standard_normal(made.noise.shape)
+    standing.exactly(Standing(made.bench), Judge(recorded), hopeless=30.0)
+    assert len(asked) == 1

@@ -15,6 +15,7 @@ from wineglass.diagnosis.system import FOLDS, Products, products
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.twin_level import FREEDOM, TwinAnalysis
 
+DECIMALS, NOTHING = 0.05, 0.005  # of a value, of its prior's spread: what a linear system may still correct about a run of the full twin
 TOLERATED = 3.0  # standard deviations: further off than that is no tolerance
 
 
@@ -39,14 +40,25 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
     before = recorded - base - changes.folded(found.system, found.table, found.softening, nuisance, found.wandering, TOLERATED)
     after, polished = before, None
     if chosen is not None:
-        there = Standing(found.bench, chosen.unknowns, chosen.values, chosen.jacobian)
-        left = recorded - _channels(found, standing.run(there))
+        there, frames = _run(found, chosen)
+        left = recorded - _channels(found, frames)
         columns = there.columns(found.pick)
-        polished = _polish(found, columns, left, np.concatenate([found.responses.centre, there.off]))
+        polished = _polish(found, columns, left, np.concatenate([there.bench.centre([name for name, _ in there.slopes]), there.off]))
         after = left - changes.folded(found.system, polished, found.softening, columns, found.wandering)
     each, total = changes.changes(found.system, before, after)
     values, covariance = (np.zeros(0), np.zeros((0, 0))) if chosen is None or polished is None else _estimate(found, chosen, polished)
     return Confirmed(each, total, before, after, changes.counted(found.system), values, covariance)
+
+
+def _run(found: TwinAnalysis, chosen: Closed) -> tuple[Standing, Frames]:
+    """The full twin with the explanation: where it was run last, if that is so near that only decimals have moved since."""
+    if found.ran is not None and found.ran[0].unknowns == chosen.unknowns:
+        there = found.ran[0]
+        moved = np.abs(there.values - chosen.values)
+        if np.all((moved <= DECIMALS * np.abs(chosen.values)) | (moved <= NOTHING * there.spread)):
+            return found.ran
+    there = Standing(found.bench, chosen.unknowns, chosen.values, chosen.jacobian)
+    return there, standing.run(there)
 
 
 def _channels(found: TwinAnalysis, frames: Frames) -> np.ndarray:

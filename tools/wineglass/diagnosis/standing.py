@@ -108,13 +108,21 @@ def with_effects(standing: Standing, frames: Frames) -> Frames:
 
 def energy_left(standing: Standing, setting: Judged, frames: Frames) -> np.ndarray:
     """(channels,): per frame, in floors, once the last linear step within the tolerances is taken, too."""
-    here = _Here(standing, setting, frames)
-    change = explain.within(here.table.pooled(np.ones(len(here.built.names))), list(range(here.table.count)), -here.table.about, FARTHEST)
-    return here.table.left(change) / np.maximum(here.built.n_rows, 1)
+    return _Here(standing, setting, frames).energy_left
 
 
-def exactly(standing: Standing, setting: Judged) -> tuple[Standing, Frames]:
-    """By the full twin; its frames there, as far as the last small step is the envelope's. A step that the next run does not confirm is taken back."""
+@dataclass(frozen=True)
+class Exact:
+    """frames: the full twin's, as far as the last small step to the standing is the envelope's; ran: where it was run last, and its own frames."""
+
+    standing: Standing
+    frames: Frames
+    ran: tuple[Standing, Frames]
+
+
+def exactly(standing: Standing, setting: Judged, hopeless: float = np.inf) -> Exact:
+    """By the full twin. A step that the next run does not confirm is taken back. hopeless: energy per frame of a channel, left once the last linear step is
+    taken, beyond which something else is needed than another round."""
     before: tuple[Standing, Frames] | None = None
     least = np.inf
     for _ in range(FULL_ROUNDS):
@@ -122,13 +130,14 @@ def exactly(standing: Standing, setting: Judged) -> tuple[Standing, Frames]:
         here = _Here(standing, setting, frames)
         cost = here.cost(np.ones(len(here.built.names)))
         if before is not None and cost > least:
-            return before
+            return Exact(*before, before)
         before, least = (standing, frames), cost
         moved, frames, gained = _moved(here, GAIN, FULL_ROUNDS)
         standing = standing if moved is standing else replace(moved, near=None)
-        if gained < CHECKED:
+        if gained < CHECKED or float(np.max(here.energy_left)) > hopeless:
             break
-    return standing, frames
+    assert before is not None
+    return Exact(standing, frames, before)
 
 
 @dataclass(frozen=True)
@@ -155,6 +164,12 @@ class _Here:
     def fixed(self) -> list[int]:
         """What stays where it is: what wanders, and the clock of the rate table."""
         return [i for i, name in enumerate(self.names) if i >= len(self.standing.bench.unit.off) and name != responses.SHELL]
+
+    @property
+    def energy_left(self) -> np.ndarray:
+        """(channels,): per frame, in floors, once the next linear step within the tolerances is taken, too."""
+        change = explain.within(self.table.pooled(np.ones(len(self.built.names))), list(range(self.table.count)), -self.table.about, FARTHEST)
+        return self.table.left(change) / np.maximum(self.built.n_rows, 1)
 
     def cost(self, softening: np.ndarray) -> float:
         """Half the energy left, and the priors': only what is fixed is at its best."""

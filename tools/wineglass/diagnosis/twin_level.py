@@ -36,6 +36,7 @@ PARTED = 1  # sets of each size that are also tried without each of their effect
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
 SWITCHING = 12  # frames after the loop was opened or closed
+HOPELESS = 30.0  # energy per frame that a unit without effects may leave and still be worth another run of the full twin
 HELD_OUT_SLACK = 2.0  # energy: of noise alone
 QUIET_ENOUGH, STARTS = 1.5, 2  # energy per frame and channel that tolerances may leave; single effects to begin with
 LOOKS, LOOK_AGAIN, BETTER = 3, 50.0, 3.0  # nats over no effect, from which on all explanations are looked at again about the full twin with the best one
@@ -70,6 +71,8 @@ class TwinAnalysis:
     closed: list[Closed]
     softening: np.ndarray
     held_none: np.ndarray
+    ran: tuple[Standing, Frames] | None
+    """where the full twin was run last with an explanation, and its frames"""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -99,21 +102,22 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
         added = noise.added(named - {noisy.FLICKER}) if named - {noisy.FLICKER} else None
         driven = noisy.device_with(driven, noise.added(named & {noisy.FLICKER}))
         recorded = noisy.undisturbed(recorded, driven, noise) if noisy.DROPPED in named else recorded
-        recorded = noisy.without_beats(recorded) if noisy.BEATING & named else recorded
+        recorded = noisy.without_beats(recorded, recording, noise) if noisy.BEATING & named else recorded
     bench = Bench(driven, grid, recorded.names)
     rebalancing = drive.loop_at(driven, grid.time_s)
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (rebalancing.any(), rebalancing.all())}), added)
     pick = system.chosen(bench.names, floor)
     aside = rebalancing if np.mean(rebalancing) < 0.5 else ~rebalancing
     setting = _Setting(_where_it_counts(recorded, rebalancing), _picked(floor, pick), pick, edges_of(recording), jumps(driven, grid), aside)
-    there, base = standing.exactly(standing.roughly(Standing(bench), setting)[0], setting)
+    found = standing.exactly(standing.roughly(Standing(bench), setting)[0], setting, HOPELESS)
+    there, base = found.standing, found.frames
     advance()
     look = _explained(there, base, bench, setting, without, advance) if _has_a_gap(there, base, setting) else _look(there.bench, base, setting, without, advance, largest=0)
-    bench, found, table, none, closed, softening = look.bench, look.found, look.table, look.none, look.closed, look.softening
-    held_none = explain.held_out(table, softening, list(found.nuisances), FARTHEST)
+    bench, seen, table, none, closed, softening = look.bench, look.found, look.table, look.none, look.closed, look.softening
+    held_none = explain.held_out(table, softening, list(seen.nuisances), FARTHEST)
     _hold_out(closed, held_none, softening)
     bench.driven = replace(bench.driven, run=Run(bench.driven.run.scenario, driven.run.device, bench.unit.device))
-    return TwinAnalysis(bench.driven, grid, recorded, look.base, _picked(floor, pick), pick, bench, found, look.system, table, none, closed, softening, held_none)
+    return TwinAnalysis(bench.driven, grid, recorded, look.base, _picked(floor, pick), pick, bench, seen, look.system, table, none, closed, softening, held_none, look.ran)
 
 
 def _has_a_gap(there: Standing, frames: Frames, setting: _Setting) -> bool:
@@ -168,10 +172,12 @@ def _start(places: list[tuple[Bench, Frames]], setting: _Setting, without: froze
 def _followed(closed: Closed, start: Standing, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look | None:
     """All explanations, about where the full twin puts this one; where it leaves no gap no sets are asked for that hold more. None: the full twin refuses it."""
     try:
-        there, frames = standing.exactly(start, setting)
+        found = standing.exactly(start, setting)
+        there, frames = found.standing, found.frames
         settled = not _has_a_gap(there, frames, setting)
         base = standing.without_effects(there, frames)
-        return _look(there.bench, base, setting, without, advance, (closed, there), largest=1 if settled else LARGEST, settled=settled)
+        look = _look(there.bench, base, setting, without, advance, (closed, there), largest=1 if settled else LARGEST, settled=settled)
+        return replace(look, ran=found.ran)
     except (BadInput, NoNumbersError):
         return None
 
@@ -179,7 +185,7 @@ def _followed(closed: Closed, start: Standing, setting: _Setting, without: froze
 @dataclass(frozen=True)
 class _Look:
     """All explanations about one bench: base: the twin's frames there without effects; softening (channels,); closed: the best first; settled: the one that
-    was followed leaves no gap."""
+    was followed leaves no gap; ran: where the full twin was run with it, and its frames."""
 
     bench: Bench
     base: Frames
@@ -190,6 +196,7 @@ class _Look:
     closed: list[Closed]
     softening: np.ndarray
     settled: bool
+    ran: tuple[Standing, Frames] | None = None
 
     def over_none(self, closed: Closed) -> float:
         return closed.entry.log_evidence + closed.entry.log_generic - self.none.log_evidence - self.none.log_generic
