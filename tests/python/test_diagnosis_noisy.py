@@ -10,10 +10,11 @@ import pytest
 from scipy.integrate import quad
 
 from wineglass import device, scenario
-from wineglass.diagnosis import noisy
+from wineglass.diagnosis import noisy, tones
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.noise_added import Added
+from wineglass.recording.memory import MemoryRecording
 
 METAL = device.load("metal-fast")
 NAMES = ("primary_in_phase", "drive_level", "secondary_in_phase", "secondary_quadrature", "rebalance_in_phase", "rate", "rate_uncompensated", "quadrature",
@@ -113,10 +114,37 @@ def test_where_nearly_all_is_shaken_nothing_is_left() -> None:
     assert not np.any(noisy.undisturbed(recorded, driven(), evidence((0.0, 0.85 * 50.0))).use)
 
 
-def test_a_tone_is_not_sought_in_what_the_secondary_pickoff_feeds() -> None:
+def named(*lines: object) -> SimpleNamespace:
+    return SimpleNamespace(named=["interference"], lines=SimpleNamespace(clear=list(lines)))
+
+
+FED = ("secondary_in_phase", "secondary_quadrature", "rebalance_in_phase", "rate", "rate_uncompensated", "quadrature")
+
+
+@pytest.mark.parametrize("noise", [SimpleNamespace(named=["interference"], lines=None), named(), named(SimpleNamespace(kind="clock_jitter"))])
+def test_without_a_line_of_its_own_a_tone_keeps_what_the_secondary_pickoff_feeds_from_use(noise: SimpleNamespace) -> None:
     recorded = frames()
-    left = noisy.without_beats(recorded)
+    left = noisy.without_beats(recorded, MemoryRecording(1000.0), noise)
     for i, name in enumerate(NAMES):
-        fed = name in ("secondary_in_phase", "secondary_quadrature", "rebalance_in_phase", "rate", "rate_uncompensated", "quadrature")
-        assert np.array_equal(left.use[i], np.zeros_like(left.use[i]) if fed else recorded.use[i]), name
+        assert np.array_equal(left.use[i], np.zeros_like(left.use[i]) if name in FED else recorded.use[i]), name
     assert recorded.use[NAMES.index("rate")].any()
+
+
+def test_channels_that_a_line_leaves_take_their_means_from_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded, line = frames(), SimpleNamespace(kind="interference")
+    sound = np.arange(recorded.grid.count) % 3 > 0
+    asked: list[object] = []
+
+    def without(frames: Frames, recording: object, lines: list[object], names: list[str]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        asked.extend([lines, names])
+        return {"rate": (np.full(frames.grid.count, 2.0), sound)}
+
+    monkeypatch.setattr(tones, "without", without)
+    left = noisy.without_beats(recorded, MemoryRecording(1000.0), named(line, SimpleNamespace(kind="other")))
+    assert asked == [[line], list(FED)], "only lines of what was named, only channels that it reaches"
+    rate, before = left.names.index("rate"), recorded.use[NAMES.index("rate")]
+    assert np.array_equal(left["rate"], np.full(recorded.grid.count, 2.0)) and np.array_equal(left.use[rate], before & sound)
+    for i, name in enumerate(NAMES):
+        if name != "rate":
+            assert np.array_equal(left.values[i], recorded.values[i])
+            assert not left.use[i].any() if name in FED else np.array_equal(left.use[i], recorded.use[i]), name

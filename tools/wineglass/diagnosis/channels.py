@@ -78,14 +78,14 @@ def read(recording: Source, grid: Grid) -> Frames:
             turns = own_line.phase(tap)
             for name in (name for name in names if name in tap):
                 values = tap[name] if turns is None or name not in own_line.CHANNELS else own_line.removed(tap, tap[name], turns)
-                rows[name] = _means(tap, values, grid)
+                rows[name] = means(tap, values, grid)
     sound = _sound(recording, grid)
     values = np.array([row[0] for row in rows.values()]).reshape(len(rows), grid.count)
     use = np.array([row[1] & sound for row in rows.values()]).reshape(len(rows), grid.count)
     return Frames(grid, tuple(rows), values, use, _with_losses(recording, grid))
 
 
-def _means(tap: Samples, values: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+def means(tap: Samples, values: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     """Means (n,), and which of them are of all their samples, short gaps bridged."""
     place = np.floor(tap.time_s / grid.frame_s + 1e-9).astype(int) - grid.first
     inside = (place >= 0) & (place < grid.count)
@@ -132,6 +132,6 @@ def _sound(recording: Source, grid: Grid) -> np.ndarray:
         first = float(tap.time_s[int(np.argmax(locked))]) if locked.any() else math.inf
         sound &= grid.time_s - 0.5 * grid.frame_s > first + SETTLING_S
     if "primary_in_phase" in tap:
-        amplitude, there = _means(tap, tap["primary_in_phase"], grid)
+        amplitude, there = means(tap, tap["primary_in_phase"], grid)
         sound &= there & (amplitude > LEAST_AMPLITUDE * np.median(amplitude[there]) if there.any() else there)
     return sound

@@ -1,4 +1,5 @@
-"""What the noise side has named is no riddle to the slow channels: a floor as high as that noise makes it, and no frames that single events shake."""
+"""What the noise side has named is no riddle to the slow channels: a floor as high as that noise makes it, no frames that single events shake,
+and no line that beats."""
 
 from __future__ import annotations
 
@@ -6,11 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from wineglass.diagnosis import tones
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.described_noise import FLAT_ALLAN
 from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.noise_added import Added
 from wineglass.diagnosis.noise_level import NoiseEvidence
+from wineglass.recording.memory import Source
 
 FLICKER, DROPPED = "flicker_noise", "dropped_samples"
 BEATING = frozenset({"interference", "vibration"})
@@ -42,10 +45,18 @@ def undisturbed(recorded: Frames, driven: Driven, noise: NoiseEvidence) -> Frame
     return replace(recorded, use=recorded.use & ~shaken)
 
 
-def without_beats(recorded: Frames) -> Frames:
-    """A tone, and a line of the mount, beat in whatever the secondary pickoff feeds, slowly enough for frames, and drift as the shell does: nothing else is
-    sought there."""
-    use = recorded.use.copy()
-    for i, name in enumerate(recorded.names):
-        use[i] &= not name.startswith(FED)
-    return replace(recorded, use=use)
+def without_beats(recorded: Frames, recording: Source, noise: NoiseEvidence) -> Frames:
+    """A tone, and a line of the mount, beat in whatever the secondary pickoff feeds, slowly enough for frames, and drift as the shell does. The line is taken
+    out before the means; a channel in which that cannot be done is not used."""
+    lines = [line for line in (noise.lines.clear if noise.lines is not None else []) if line.kind in BEATING & frozenset(noise.named)]
+    fed = [name for name in recorded.names if name.startswith(FED)]
+    freed = tones.without(recorded, recording, lines, fed) if lines else {}
+    values, use = recorded.values.copy(), recorded.use.copy()
+    for name in fed:
+        i = recorded.names.index(name)
+        if name in freed:
+            values[i], sound = freed[name]
+            use[i] &= sound
+        else:
+            use[i] = False
+    return replace(recorded, values=values, use=use)
