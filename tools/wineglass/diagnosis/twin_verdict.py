@@ -262,7 +262,7 @@ def _where(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, named: l
     entries = [_named_place(found, changes, named, place, share) for place, share in places.items()]
     entries += _traces(found, named, slow, noise, rest)
     if outcome.verdict == "unknown":
-        entries += _unexplained(found, outcome, changes, rest if len(entries) == len(places) else 0.0)
+        entries += _unexplained(found, confirmed, rest if len(entries) == len(places) else 0.0)
     total = max(1.0, sum(w.share for w in entries))
     return sorted((w.model_copy(update={"share": w.share / total}) for w in entries), key=lambda w: -w.share)
 
@@ -295,13 +295,14 @@ def _named_place(found: TwinAnalysis, changes: dict[str, Change], named: list[Ef
     return _place(found, *place, change, share, series)
 
 
-def _unexplained(found: TwinAnalysis, outcome: Outcome, changes: dict[str, Change], rest: float) -> list[Where]:
-    """What is left, channel by channel, in the stage that the channel reads."""
-    left = outcome.chosen.entry.left if outcome.chosen is not None else found.none.left
-    excess = np.maximum(0.0, left - found.system.n_rows) / found.softening
+def _unexplained(found: TwinAnalysis, confirmed: Confirmed, rest: float) -> list[Where]:
+    """What is left on held-out data, channel by channel, in the stage that the channel reads."""
+    frames = np.count_nonzero(confirmed.use, axis=1)
+    excess = np.array([max(0.0, (c.after / max(c.floor, 1e-300)) ** 2 - 1.0) if c.fraction is not None else 0.0 for c in confirmed.changes]) * frames
     total = float(excess.sum())
     order = [int(i) for i in np.argsort(-excess) if excess[i] > 0.05 * total]
-    return [_place(found, *PLACES[found.names[i]], changes[found.names[i]], rest * float(excess[i]) / total, found.system.data[i]) for i in order] if total else []
+    left = np.where(confirmed.use, confirmed.after, 0.0)
+    return [_place(found, *PLACES[found.names[i]], confirmed.changes[i], rest * float(excess[i]) / total, left[i]) for i in order]
 
 
 def _place(found: TwinAnalysis, stage: str, component: str, change: Change, share: float, series: np.ndarray) -> Where:

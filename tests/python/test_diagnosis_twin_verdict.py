@@ -1,0 +1,92 @@
+"""What a verdict makes of probabilities and of what is left on held-out data, on small made-up analyses."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wineglass.diagnosis import twin_verdict
+from wineglass.diagnosis.changes import Change
+from wineglass.diagnosis.channels import Grid
+from wineglass.diagnosis.hypotheses import Hypotheses
+from wineglass.diagnosis.twin_verdict import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, PLAIN, Outcome
+from wineglass.diagnosis.vocabulary import NONE, OTHER
+
+GRID = Grid(0.25, 0, 200)
+NAMES = ("primary_quadrature", "drive_level", "secondary_quadrature")
+
+
+def closed(*support: str) -> SimpleNamespace:
+    return SimpleNamespace(support=support)
+
+
+def confirmed(removed: float | None, before: float = 50.0) -> SimpleNamespace:
+    return SimpleNamespace(total=SimpleNamespace(fraction=removed, before=before))
+
+
+def outcome(verdict: str, *ids: str, chosen: bool = True) -> Outcome:
+    return Outcome(verdict, [ids], closed(*ids) if chosen else None)  # type: ignore[arg-type]
+
+
+def noise(*named: str) -> SimpleNamespace:
+    return SimpleNamespace(named=list(named), within_reach=frozenset(named))
+
+
+def certain(*ids: str) -> Hypotheses:
+    return Hypotheses({tuple(sorted(ids)): 0.98, (NONE,): 0.0, (OTHER,): 0.02})
+
+
+def held(said: Outcome, weighed: Hypotheses, removed: float | None, before: float = 50.0, traces: SimpleNamespace | None = None) -> tuple[Outcome, Hypotheses]:
+    return twin_verdict._held_to_the_gap(SimpleNamespace(), said, weighed, confirmed(removed, before), traces)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("ids", "removed", "verdict"), [
+    (("ageing",), ENOUGH_REMOVED + 0.01, "attributed"), (("ageing",), ENOUGH_REMOVED - 0.01, "unknown"),
+    (("ageing", "pickoff_gain"), ENOUGH_OF_SEVERAL + 0.01, "attributed"), (("ageing", "pickoff_gain"), ENOUGH_OF_SEVERAL - 0.01, "unknown")])
+def test_several_effects_must_leave_less_than_one_to_stand_alone(ids: tuple[str, ...], removed: float, verdict: str) -> None:
+    said, weighed = held(outcome("attributed", *ids), certain(*ids), removed)
+    assert said.verdict == verdict
+    assert (weighed.other > 0.9) == (verdict == "unknown")
+
+
+def test_noise_alone_explains_no_gap_of_means() -> None:
+    said, weighed = held(outcome("attributed", "interference", chosen=False), certain("interference"), 0.0, 2.0 * PLAIN, noise("interference"))
+    assert said.verdict == "unknown" and said.named == [("interference",)]
+    assert weighed.other > 0.9 and weighed.marginal("interference") > 0.9
+    small, _ = held(outcome("attributed", "interference", chosen=False), certain("interference"), 0.0, 0.9 * PLAIN, noise("interference"))
+    assert small.verdict == "attributed"
+
+
+@pytest.mark.parametrize(("removed", "named"), [(0.85, True), (0.5, False), (-0.3, False)])
+def test_beside_something_unknown_only_what_removes_most_is_named(removed: float, named: bool) -> None:
+    weighed = Hypotheses({("ageing", OTHER): 1.0, (NONE,): 0.0, (OTHER,): 0.0})
+    said, weighed = twin_verdict._beside_unknown(outcome("unknown", "ageing"), weighed, removed, None)
+    assert said.named == ([("ageing",)] if named else []) and (said.chosen is not None) == named
+    assert weighed.marginal("ageing") == pytest.approx(max(0.0, removed) ** 2)
+    assert weighed.other == pytest.approx(1.0)
+
+
+def test_what_has_a_trace_of_its_own_stays_named_beside_something_unknown() -> None:
+    weighed = Hypotheses({("ageing", "clock_jitter", "flicker_noise", OTHER): 1.0, (NONE,): 0.0, (OTHER,): 0.0})
+    before = Outcome("unknown", [("ageing", "clock_jitter", "flicker_noise")], closed("ageing"))  # type: ignore[arg-type]
+    said, weighed = twin_verdict._beside_unknown(before, weighed, 0.3, noise("clock_jitter", "flicker_noise"))  # type: ignore[arg-type]
+    assert said.named == [("clock_jitter",)] and said.chosen is None
+    assert weighed.marginal("clock_jitter") == pytest.approx(1.0) and weighed.marginal("flicker_noise") < 0.5
+
+
+def test_what_is_left_is_placed_where_held_out_data_show_it() -> None:
+    """Not where a fit of everything at once happens to leave most."""
+    rows = np.zeros((3, GRID.count))
+    rows[2, 100:150] = 5.0
+    changes = [Change("primary_quadrature", 0.9, 0.9, 1.0, None, None), Change("drive_level", 2.0, 2.0, 1.0, 0.0, (0.0, 0.0)),
+               Change("secondary_quadrature", 20.0, 20.0, 1.0, 0.0, (0.0, 0.0))]
+    use = np.ones((3, GRID.count), bool)
+    use[1, 20:] = False
+    made = SimpleNamespace(changes=changes, use=use, after=rows)
+    found = twin_verdict._unexplained(SimpleNamespace(names=NAMES, grid=GRID), made, 1.0)  # type: ignore[arg-type]
+    assert [(w.stage, w.channel) for w in found] == [("coupling", "secondary_quadrature")]
+    assert found[0].share == pytest.approx(399.0 * 200 / (399.0 * 200 + 3.0 * 20))
+    assert found[0].region.start == pytest.approx(0.25 * 102, abs=0.6) and found[0].region.stop == pytest.approx(0.25 * 148, abs=0.6)
+    assert found[0].ratio_over_floor == pytest.approx(20.0)
