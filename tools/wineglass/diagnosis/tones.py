@@ -6,34 +6,41 @@ frequency was recorded. A vibration stands still. Either way the line's phase is
     x = a cos(2 pi turns) + b sin(2 pi turns) + what is slow + noise,        a, b change over seconds
 
 a and b are means over a few seconds of what is left beside the slow part, of samples at which nothing else happens. Wherever the line stands so near to the
-slow part that the two are one, or where nothing quiet is near, the samples are not trusted. docs/DIAGNOSIS.md, "Tones"."""
+slow part that the two are one, or where nothing quiet is near, the samples are not trusted."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy import fft
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from wineglass.diagnosis import channels
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.noise_lines import Line, filled
 from wineglass.recording.memory import Samples, Source
+from wineglass.wire import Status
 
 SLOW_S = 0.15
 """what is smoother than that is no line (standard deviation of a bell, s)"""
+TIMES, LEAST_PASSED = 2, 0.2
+"""so often the smooth part is taken out; what that is taken to leave of a line at the least"""
 FOLLOWED_S, FAR_S, FAR_WEIGHT = 2.0, 20.0, 1e-4
 """over which the line's size is a mean; the wider bell carries it across stretches in which nothing is quiet"""
-NEAREST_HZ = 1.0
+NEAREST_HZ = 1.2
 """from zero, and from half the tap's rate: nearer than that a line is part of what is slow, or of its own image"""
 SOUGHT_HZ, SOUGHT_S = 0.75, 4.0
 """by which a line may be off its place, and windows in which that is looked for"""
-ROUNDS = 6
-OUTLIER, HALF = 4.5, 0.5
-"""of noise's deviation and of the line's size: samples that are farther off do not tell the line's size"""
-SUPPORT = 0.05
+ROUNDS = 5
+OUTLIER, HALF, NEAR = 4.5, 0.5, 2.5
+"""of noise's deviation and of the line's size: samples that are farther off do not tell the line's size, nor do their
+neighbours under the bell of what is slow"""
+SUPPORT = 0.15
 """part of a bell that quiet samples must fill"""
+LEAST_S = 2.0
+"""a piece that is shorter says nothing about a line"""
 STANDS, GONE = 4.0, 0.05
 """power of a band about the line over that of the bands beside it: from there on it is to be taken out; of which this much may be left"""
 BAND_HZ = 0.1, 0.6
@@ -63,7 +70,8 @@ def without(frames: Frames, recording: Source, lines: list[Line], names: list[st
     carrier = recording.tap("baseband")
     for name in names:
         tap = carrier if name in carrier else recording.tap("output")
-        cleaned = _without_all(tap[name], [np.interp(tap.time_s, carrier.time_s, turns) for turns in phases], tap.sample_rate_hz)
+        cuts = np.unique(np.searchsorted(tap.time_s, carrier.time_s[switched(carrier)]))
+        cleaned = _without_all(tap[name], [np.interp(tap.time_s, carrier.time_s, turns) for turns in phases], cuts, tap.sample_rate_hz)
         if cleaned is not None:
             values, complete = channels.means(tap, cleaned.values, frames.grid)
             doubtful, _ = channels.means(tap, 1.0 - cleaned.trusted, frames.grid)
@@ -93,11 +101,11 @@ def _temperature(recording: Source, carrier: Samples) -> np.ndarray | None:
     return np.interp(carrier.time_s, output.time_s[sound], output["temperature_measured"][sound]) if sound.any() else None
 
 
-def _without_all(values: np.ndarray, phases: list[np.ndarray], rate_hz: float) -> Cleaned | None:
+def _without_all(values: np.ndarray, phases: list[np.ndarray], cuts: np.ndarray, rate_hz: float) -> Cleaned | None:
     """None: a line stays, or stands so near to what is slow that little would be left."""
     trusted, stood = np.ones(len(values), bool), False
     for turns in phases:
-        cleaned = removed(values, turns, rate_hz)
+        cleaned = removed(values, turns, rate_hz, cuts)
         values, trusted, stood = cleaned.values, trusted & cleaned.trusted, stood or cleaned.stood
         if not cleaned.gone or np.mean(trusted) < LEAST_TRUSTED:
             return None
@@ -169,25 +177,43 @@ def _without_outliers(time_s: np.ndarray, off_hz: np.ndarray) -> tuple[np.ndarra
     return (time_s[good], off_hz[good]) if good.any() else (time_s[:1], np.zeros(1))
 
 
-def removed(values: np.ndarray, turns: np.ndarray, rate_hz: float) -> Cleaned:
-    """A channel (n,) without the line at turns (n,)."""
-    there = np.isfinite(values)
+def removed(values: np.ndarray, turns: np.ndarray, rate_hz: float, cuts: np.ndarray | None = None) -> Cleaned:
+    """A channel (n,) without the line at turns (n,). cuts: samples at which what passes the line on was switched, and its size jumps."""
+    there, apart = np.isfinite(values), _apart(turns, rate_hz)
     known = np.nan_to_num(values)
-    apart = _apart(turns, rate_hz)
-    weight = (there & apart).astype(float)
-    wave = np.exp(2j * np.pi * turns)
-    size = np.zeros(len(values), complex)
-    support = np.zeros(len(values))
-    for _ in range(ROUNDS):
-        quick = _quick(known - np.real(size * wave), there.astype(float), rate_hz)
-        weight = _quiet(quick, np.abs(size), there & apart)
-        more, support = _mean(2.0 * quick * np.conj(wave), weight, rate_hz)
-        size = size + more
-    line = np.real(size * wave)
-    before, after = (_standing(known - gone, turns, weight, rate_hz) for gone in (np.zeros(len(values)), line))
+    edges = [0, *(np.empty(0, int) if cuts is None else cuts), len(values)]
+    line, weight, support = np.zeros(len(values)), np.zeros(len(values)), np.zeros(len(values))
+    for first, end in pairwise(edges):
+        piece = slice(first, end)
+        if end - first > LEAST_S * rate_hz:
+            line[piece], weight[piece], support[piece] = _line(known[piece], turns[piece], there[piece], apart[piece], rate_hz)
+    before, after = (_standing(left, turns, weight, rate_hz) for left in (known, known - line))
     stood = before > STANDS
     trusted = apart & (support > SUPPORT) if stood else apart
     return Cleaned(np.where(trusted & stood, values - line, values), trusted, stood, after < max(STANDS, GONE * before))
+
+
+def _line(known: np.ndarray, turns: np.ndarray, there: np.ndarray, apart: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The line (n,), the samples that it was taken from, and how well they support it."""
+    wave = np.exp(2j * np.pi * turns)
+    passed = _passed(turns, rate_hz)
+    size = np.zeros(len(known), complex)
+    for _ in range(ROUNDS):
+        quick = _quick(known - np.real(size * wave), there.astype(float), rate_hz)
+        weight = _quiet(quick, np.abs(size), there & apart, rate_hz)
+        more, support = _mean(2.0 * quick * np.conj(wave) / passed, weight, rate_hz)
+        size = size + more
+    return np.real(size * wave), weight, support
+
+
+def switched(tap: Samples) -> np.ndarray:
+    """Samples before which the loop was opened or closed, or another amplitude was asked for."""
+    found = np.zeros(tap.length, bool)
+    if "status" in tap:
+        found[1:] |= np.diff(tap.codes("status").astype(np.int64) & Status.REBALANCE_ACTIVE) != 0
+    if "amplitude_set_point" in tap:
+        found[1:] |= np.diff(tap.codes("amplitude_set_point").astype(np.int64)) != 0
+    return np.flatnonzero(found & tap.valid & np.roll(tap.valid, 1))
 
 
 def _apart(turns: np.ndarray, rate_hz: float) -> np.ndarray:
@@ -200,16 +226,25 @@ def _apart(turns: np.ndarray, rate_hz: float) -> np.ndarray:
 def _quick(values: np.ndarray, there: np.ndarray, rate_hz: float) -> np.ndarray:
     """values (n,) without what is slow; zero where they were lost."""
     width = SLOW_S * rate_hz
-    slow = gaussian_filter1d(values * there, width, mode="nearest") / np.maximum(gaussian_filter1d(there, width, mode="nearest"), 1e-6)
-    return there * (values - slow)
+    filled_part = np.maximum(gaussian_filter1d(there, width, mode="nearest"), 1e-6)
+    for _ in range(TIMES):
+        values = there * (values - gaussian_filter1d(values * there, width, mode="nearest") / filled_part)
+    return values
 
 
-def _quiet(left: np.ndarray, size: np.ndarray, able: np.ndarray) -> np.ndarray:
-    """Weights (n,): samples at which no more is left than noise and a share of the line."""
+def _passed(turns: np.ndarray, rate_hz: float) -> np.ndarray:
+    """What `_quick` leaves of a line (n,)."""
+    folded = np.gradient(turns) - np.round(np.gradient(turns))
+    return np.maximum(LEAST_PASSED, (1.0 - np.exp(-2.0 * (np.pi * folded * SLOW_S * rate_hz) ** 2)) ** TIMES)
+
+
+def _quiet(left: np.ndarray, size: np.ndarray, able: np.ndarray, rate_hz: float) -> np.ndarray:
+    """Weights (n,): samples at which no more is left than noise and a share of the line, and not near any others."""
     if not able.any():
         return np.zeros(len(left))
     noise = 1.4826 * float(np.median(np.abs(left[able])))
-    return (able & (np.abs(left) < OUTLIER * noise + HALF * float(np.median(size[able])))).astype(float)
+    loud = able & (np.abs(left) > OUTLIER * noise + HALF * float(np.median(size[able])))
+    return (able & ~maximum_filter1d(loud, 1 + 2 * round(NEAR * SLOW_S * rate_hz))).astype(float)
 
 
 def _mean(values: np.ndarray, weight: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
