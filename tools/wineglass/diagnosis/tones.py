@@ -37,13 +37,15 @@ ROUNDS = 5
 OUTLIER, HALF, NEAR = 4.5, 0.5, 2.5
 """of noise's deviation and of the line's size: samples that are farther off do not tell the line's size, nor do their
 neighbours under the bell of what is slow"""
-SUPPORT = 0.15
+SUPPORT = 0.75
 """part of a bell that quiet samples must fill"""
 LEAST_S = 2.0
 """a piece that is shorter says nothing about a line"""
 STANDS, GONE = 4.0, 0.05
 """power of a band about the line over that of the bands beside it: from there on it is to be taken out; of which this much may be left"""
 BAND_HZ = 0.1, 0.6
+STRONGEST = 300.0
+"""of the noise beside it: what switches and test signals leave of a stronger line is above the floor of means"""
 LEAST_TRUSTED = 0.3
 """of the samples: a channel of which less is left is not used"""
 SHOWN = ("secondary_in_phase", "secondary_quadrature", "rebalance_in_phase", "rebalance_quadrature")
@@ -190,7 +192,9 @@ def removed(values: np.ndarray, turns: np.ndarray, rate_hz: float, cuts: np.ndar
     before, after = (_standing(left, turns, weight, rate_hz) for left in (known, known - line))
     stood = before > STANDS
     trusted = apart & (support > SUPPORT) if stood else apart
-    return Cleaned(np.where(trusted & stood, values - line, values), trusted, stood, after < max(STANDS, GONE * before))
+    beside = _quick(known - line, there.astype(float), rate_hz)[weight > 0.0]
+    too_strong = stood and beside.size > 0 and float(np.std(line)) > STRONGEST * float(np.median(np.abs(beside)))
+    return Cleaned(np.where(trusted & stood, values - line, values), trusted, stood, after < max(STANDS, GONE * before) and not too_strong)
 
 
 def _line(known: np.ndarray, turns: np.ndarray, there: np.ndarray, apart: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -250,7 +254,8 @@ def _quiet(left: np.ndarray, size: np.ndarray, able: np.ndarray, rate_hz: float)
 def _mean(values: np.ndarray, weight: np.ndarray, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
     """Weighted means (n,) under the bells, and which part of the narrow one is filled."""
     sums, weights, near = (_under(series, rate_hz, far) for series, far in ((values * weight, FAR_WEIGHT), (weight, FAR_WEIGHT), (weight, 0.0)))
-    return sums / np.maximum(weights.real, 1e-12), near.real
+    whole = _under(np.ones(len(weight)), rate_hz, 0.0)
+    return sums / np.maximum(weights.real, 1e-12), near.real / whole.real
 
 
 def _under(series: np.ndarray, rate_hz: float, far: float) -> np.ndarray:
