@@ -11,7 +11,7 @@ from wineglass.diagnosis import twin_verdict
 from wineglass.diagnosis.changes import Change
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.hypotheses import Hypotheses
-from wineglass.diagnosis.twin_verdict import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, PLAIN, Outcome
+from wineglass.diagnosis.twin_verdict import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, SHAKEN, Outcome
 from wineglass.diagnosis.vocabulary import NONE, OTHER
 
 GRID = Grid(0.25, 0, 200)
@@ -39,7 +39,7 @@ def certain(*ids: str) -> Hypotheses:
 
 
 def held(said: Outcome, weighed: Hypotheses, removed: float | None, before: float = 50.0, traces: SimpleNamespace | None = None) -> tuple[Outcome, Hypotheses]:
-    return twin_verdict._held_to_the_gap(SimpleNamespace(), said, weighed, confirmed(removed, before), traces)  # type: ignore[arg-type]
+    return twin_verdict._held_to_the_gap(SimpleNamespace(closed_for=lambda ids: None), said, weighed, confirmed(removed, before), traces)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("ids", "removed", "verdict"), [
@@ -52,11 +52,18 @@ def test_several_effects_must_leave_less_than_one_to_stand_alone(ids: tuple[str,
 
 
 def test_noise_alone_explains_no_gap_of_means() -> None:
-    said, weighed = held(outcome("attributed", "interference", chosen=False), certain("interference"), 0.0, 2.0 * PLAIN, noise("interference"))
+    said, weighed = held(outcome("attributed", "interference", chosen=False), certain("interference"), 0.0, 2.0 * SHAKEN, noise("interference"))
     assert said.verdict == "unknown" and said.named == [("interference",)]
     assert weighed.other > 0.9 and weighed.marginal("interference") > 0.9
-    small, _ = held(outcome("attributed", "interference", chosen=False), certain("interference"), 0.0, 0.9 * PLAIN, noise("interference"))
-    assert small.verdict == "attributed"
+
+
+def test_small_remains_of_a_named_line_are_its_own() -> None:
+    both = certain("ageing", "interference")
+    said, weighed = held(outcome("attributed", "ageing", "interference"), both, 0.06, 0.9 * SHAKEN, noise("interference"))
+    assert said.verdict == "attributed" and said.named == [("interference",)] and said.chosen is None
+    assert weighed.marginal("ageing") == 0.0
+    removed, _ = held(outcome("attributed", "ageing", "interference"), both, ENOUGH_OF_SEVERAL + 0.01, 0.9 * SHAKEN, noise("interference"))
+    assert removed.named == [("ageing", "interference")]
 
 
 @pytest.mark.parametrize(("removed", "named"), [(0.85, True), (0.5, False), (-0.3, False)])

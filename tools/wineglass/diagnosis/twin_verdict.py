@@ -24,6 +24,7 @@ UNKNOWN_ABOVE = 0.5
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
 ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.9, 0.95  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
 PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
+SHAKEN = 5.0  # floors: what a line, noise or events that are named may leave in means, and nothing else need explain
 PLACES = {"primary_in_phase": ("primary", "level"), "primary_quadrature": ("primary", "quadrature"), "drive_frequency": ("primary", "frequency"),
           "drive_level": ("primary", "level"), "secondary_in_phase": ("coupling", "in_phase"), "secondary_quadrature": ("coupling", "quadrature"),
           "rebalance_in_phase": ("coupling", "in_phase"), "rebalance_quadrature": ("coupling", "quadrature"), "rate": ("coupling", "in_phase"),
@@ -77,14 +78,17 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
     removed = confirmed.total.fraction
     if outcome.verdict == "no_gap" and removed is not None and confirmed.total.before > PLAIN:
         return Outcome("unknown", [], None), hypotheses.not_none(weighed)
-    if outcome.verdict in ("attributed", "ambiguous") and outcome.chosen is None and removed is not None and confirmed.total.before > PLAIN:
+    named = noise.named if noise is not None else []
+    if outcome.verdict != "no_gap" and noise is not None and named and removed is not None and removed < ENOUGH_REMOVED and confirmed.total.before <= SHAKEN:
+        weighed = hypotheses.only(weighed, noise.within_reach)
+        return replace(decide(found, weighed), chosen=None), weighed
+    if outcome.verdict in ("attributed", "ambiguous") and outcome.chosen is None and removed is not None:
         return Outcome("unknown", outcome.named[:1], None), hypotheses.with_other(weighed)
     alone = outcome.chosen is None or len(outcome.chosen.support) == 1
     enough = LEAST_REMOVED if outcome.verdict != "attributed" else ENOUGH_REMOVED if alone else ENOUGH_OF_SEVERAL
     stands = removed is not None and (outcome.verdict == "unknown" or outcome.chosen is None or removed >= enough)
     if outcome.verdict == "no_gap" or stands:
         return outcome, hypotheses.below_the_floor(weighed) if removed is None and outcome.verdict == "no_gap" else weighed
-    named = noise.named if noise is not None else []
     if removed is not None and removed >= LEAST_REMOVED:
         return Outcome("unknown", outcome.named, outcome.chosen), hypotheses.with_other(weighed)
     if removed is not None:
