@@ -97,3 +97,8 @@ def test_what_is_left_is_placed_where_held_out_data_show_it() -> None:
     assert found[0].share == pytest.approx(399.0 * 200 / (399.0 * 200 + 3.0 * 20))
     assert found[0].region.start == pytest.approx(0.25 * 102, abs=0.6) and found[0].region.stop == pytest.approx(0.25 * 148, abs=0.6)
     assert found[0].ratio_over_floor == pytest.approx(20.0)
+
+
+def test_a_probability_that_rounding_takes_beyond_one_is_one() -> None:
+    listed = twin_verdict._hypotheses(Hypotheses({(OTHER,): 1.0 + 2.3e-16, (NONE,): 0.0}))
+    assert [h.probability for h in listed] == [1.0, 0.0]

@@ -163,7 +163,7 @@ def _in_words(ids: Ids) -> str:
 
 def _hypotheses(weighed: Hypotheses) -> list[Hypothesis]:
     order = sorted(weighed.probability, key=lambda ids: -weighed.probability[ids])
-    return [Hypothesis(ids=list(ids), probability=weighed.probability[ids]) for ids in order]
+    return [Hypothesis(ids=list(ids), probability=min(1.0, weighed.probability[ids])) for ids in order]  # a sum may be a rounding beyond
 
 
 # --- effects ---------------------------------------------------------------------------------------------------------------
