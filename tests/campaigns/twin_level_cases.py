@@ -39,7 +39,7 @@ from wineglass.simulation import simulate
 
 DEVICE = "metal-fast"
 USUAL = 2.0
-TIMES_TYPICAL = {"thermometer_lag": 0.05, "cross_damping": 10.0, "frequency_temperature": 5.0, "clock_error": 25.0, "adc_saturation": 0.2, "damping_temperature": 3.0,
+TIMES_TYPICAL = {"thermometer_lag": 0.05, "cross_damping": 10.0, "frequency_temperature": 5.0, "clock_error": 15.0, "adc_saturation": 0.8, "damping_temperature": 3.0,
                  "drive_phase": 3.0, "flicker_noise": 5.0}
 LARGEST_OFF = 1.7  # standard deviations of a drawn unit
 SURE = 0.8
