@@ -34,7 +34,7 @@ STAGES = {
     "floors": "wineglass.diagnosis.floors:at_rest",
     "noise in telemetry and raw codes": "wineglass.diagnosis.noise_level:examine",
     "responses": "wineglass.diagnosis.responses:respond",
-    "unit": "wineglass.diagnosis.twin_level:_settled",
+    "unit, and effects with it": "wineglass.diagnosis.standing:_moved",
     "whitening": "wineglass.diagnosis.system:System.whiten",
     "products": "wineglass.diagnosis.system:products",
     "explanations": "wineglass.diagnosis.explain:explained",
