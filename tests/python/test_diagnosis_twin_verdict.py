@@ -66,6 +66,12 @@ def test_small_remains_of_a_named_line_are_its_own() -> None:
     assert removed.named == [("ageing", "interference")]
 
 
+def test_what_removes_next_to_nothing_is_no_explanation_in_the_probabilities_either() -> None:
+    said, weighed = held(outcome("attributed", "ageing"), certain("ageing"), 0.1)
+    said, weighed = twin_verdict._beside_unknown(said, weighed, 0.1, None)
+    assert said.verdict == "unknown" and said.named == [] and weighed.other > 0.97 and weighed.marginal("ageing") < 0.02
+
+
 @pytest.mark.parametrize(("removed", "named"), [(0.85, True), (0.5, False), (-0.3, False)])
 def test_beside_something_unknown_only_what_removes_most_is_named(removed: float, named: bool) -> None:
     weighed = Hypotheses({("ageing", OTHER): 1.0, (NONE,): 0.0, (OTHER,): 0.0})

@@ -75,25 +75,31 @@ def decide(found: TwinAnalysis, weighed: Hypotheses) -> Outcome:
 def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses, confirmed: Confirmed, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
     """What no channel shows on held-out data is no gap; what an explanation does not remove there, it does not explain. What noise, lines, events or codes
     have named stands without that."""
-    removed = confirmed.total.fraction
-    if outcome.verdict == "no_gap" and removed is not None and confirmed.total.before > PLAIN:
-        return Outcome("unknown", [], None), hypotheses.not_none(weighed)
-    named = noise.named if noise is not None else []
-    if outcome.verdict != "no_gap" and noise is not None and named and removed is not None and removed < ENOUGH_REMOVED and confirmed.total.before <= SHAKEN:
-        weighed = hypotheses.only(weighed, noise.within_reach)
-        return replace(decide(found, weighed), chosen=None), weighed
-    if outcome.verdict in ("attributed", "ambiguous") and outcome.chosen is None and removed is not None:
-        return Outcome("unknown", outcome.named[:1], None), hypotheses.with_other(weighed)
-    alone = outcome.chosen is None or len(outcome.chosen.support) == 1
-    enough = LEAST_REMOVED if outcome.verdict != "attributed" else ENOUGH_REMOVED if alone else ENOUGH_OF_SEVERAL
-    stands = removed is not None and (outcome.verdict == "unknown" or outcome.chosen is None or removed >= enough)
-    if outcome.verdict == "no_gap" or stands:
-        return outcome, hypotheses.below_the_floor(weighed) if removed is None and outcome.verdict == "no_gap" else weighed
-    if removed is not None and removed >= LEAST_REMOVED:
-        return Outcome("unknown", outcome.named, outcome.chosen), hypotheses.with_other(weighed)
-    if removed is not None:
-        return Outcome("unknown", [tuple(named)] if named else [], outcome.chosen), weighed
-    if noise is None or not named:
+    removed, before = confirmed.total.fraction, confirmed.total.before
+    if outcome.verdict == "no_gap":
+        if removed is not None and before > PLAIN:
+            return Outcome("unknown", [], None), hypotheses.not_none(weighed)
+        return outcome, hypotheses.below_the_floor(weighed) if removed is None else weighed
+    named = noise is not None and bool(noise.named)
+    if removed is None or (named and before <= SHAKEN and removed < ENOUGH_REMOVED):
+        return _by_traces_alone(found, weighed, noise)
+    if outcome.verdict == "unknown" or removed >= _enough(outcome):
+        return outcome, weighed
+    return Outcome("unknown", outcome.named[:1], outcome.chosen), hypotheses.with_other(weighed)
+
+
+def _enough(outcome: Outcome) -> float:
+    """Of the held-out gap, that an explanation has to remove: noise alone removes none."""
+    if outcome.chosen is None:
+        return np.inf
+    if outcome.verdict == "ambiguous":
+        return LEAST_REMOVED
+    return ENOUGH_REMOVED if len(outcome.chosen.support) == 1 else ENOUGH_OF_SEVERAL
+
+
+def _by_traces_alone(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
+    """No channel of means asks for an explanation: what noise, lines, events or codes have named, or nothing."""
+    if noise is None or not noise.named:
         return Outcome("no_gap", [], None), hypotheses.below_the_floor(weighed)
     weighed = hypotheses.only(weighed, noise.within_reach)
     return replace(decide(found, weighed), chosen=None), weighed
