@@ -94,3 +94,21 @@ def test_bounds_hold_and_the_others_make_up_for_them() -> None:
     alone = np.clip(columns[1].ravel() @ rest / (columns[1].ravel() @ columns[1].ravel() + 1.0), -3.0, 3.0)
     assert bounded[1] == pytest.approx(alone, rel=1e-6)
     assert np.all(np.abs(explain.within(gram, [0, 1], np.zeros(2), 100.0) - explain.posterior_mean(gram, [0, 1])[0]) < 1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bounded_coefficients_are_the_best_within_their_bounds(seed: int) -> None:
+    """By the conditions of optimality, from sums written out: no slope inside, and none that leads back in at a bound. Two columns are nearly the same, lengths differ a
+    hundred thousand times, and some are beyond their bounds only once others have been held."""
+    rng, limit = np.random.default_rng([SEED, seed]), 3.0
+    count = int(rng.integers(5, 40))
+    columns = rng.standard_normal((200, count)) * np.exp(rng.uniform(-2.0, 9.0, count))
+    columns[:, 1] = columns[:, 0] + 1e-3 * columns[:, 1]
+    data, middle = columns @ (4.0 * rng.standard_normal(count)) + rng.standard_normal(200), 0.5 * rng.standard_normal(count)
+    rows = np.column_stack([columns, data])
+    found = explain.within(rows.T @ rows, list(range(count)), middle, limit)
+    slope = (columns.T @ (columns @ found - data) + found) / np.linalg.norm(columns, axis=0) / np.linalg.norm(data)
+    below, above = found <= middle - limit + 1e-6, found >= middle + limit - 1e-6
+    assert np.all(np.abs(found - middle) <= limit + 1e-6) and np.any(below | above)
+    assert np.all(np.abs(slope[~below & ~above]) < 1e-8)
+    assert np.all(slope[below] > -1e-8) and np.all(slope[above] < 1e-8)

@@ -11,6 +11,7 @@ from wineglass.diagnosis import twin_verdict
 from wineglass.diagnosis.changes import Change
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.hypotheses import Hypotheses
+from wineglass.diagnosis.noise_level import NoiseEvidence
 from wineglass.diagnosis.twin_verdict import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, SHAKEN, Outcome
 from wineglass.diagnosis.vocabulary import NONE, OTHER
 
@@ -108,3 +109,11 @@ def test_what_is_left_is_placed_where_held_out_data_show_it() -> None:
 def test_a_probability_that_rounding_takes_beyond_one_is_one() -> None:
     listed = twin_verdict._hypotheses(Hypotheses({(OTHER,): 1.0 + 2.3e-16, (NONE,): 0.0}))
     assert [h.probability for h in listed] == [1.0, 0.0]
+
+
+def test_noise_forgets_what_is_taken_out_of_the_catalogue() -> None:
+    values = {frozenset[str](): 0.0, frozenset({"clock_jitter"}): 30.0, frozenset({"clock_jitter", "excess_noise"}): 40.0, frozenset({"excess_noise"}): 20.0}
+    seen = NoiseEvidence(values, [], [], None, None, None, None, None, None, None)
+    assert seen.named == ["clock_jitter", "excess_noise"]
+    assert seen.forget(frozenset({"clock_jitter"})).named == ["excess_noise"]
+    assert seen.forget(frozenset()).log_evidence == values

@@ -45,7 +45,7 @@ ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermomete
 """effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
 STALE_S, DECAYS = 0.5, 16.0
 INTERVAL_S, STAIR = 0.02, 1.5
-"""events are known to an interval of the baseband, and all of them are off alike: what one stair does at worst to the slope of a line through it"""
+"""events are known to an interval of the baseband, of the slowest one that is usual, and all of them are off alike: what one stair does at worst to the slope of a line through it"""
 _CURVES = frozenset({"adc_saturation", "adc_nonlinearity"})
 OTHER_PENALTY = 4.0
 
