@@ -117,3 +117,16 @@ def test_noise_forgets_what_is_taken_out_of_the_catalogue() -> None:
     assert seen.named == ["clock_jitter", "excess_noise"]
     assert seen.forget(frozenset({"clock_jitter"})).named == ["excess_noise"]
     assert seen.forget(frozenset()).log_evidence == values
+
+
+def test_a_named_effect_is_placed_in_the_channel_that_shows_most_of_it() -> None:
+    """Not where a short swing has most energy once noise is white."""
+    response = np.zeros((3, GRID.count))
+    response[1], response[2, 190:] = 1.0, 100.0
+    entry = SimpleNamespace(support=("actuator_gain",), response=response)
+    found = SimpleNamespace(names=NAMES, grid=GRID, closed=[entry], system=SimpleNamespace(whiten=lambda series: series))
+    changes = [Change("primary_quadrature", 0.9, 0.9, 1.0, None, None), Change("drive_level", 70.0, 0.5, 1.0, 1.0, (1.0, 1.0)),
+               Change("secondary_quadrature", 10.0, 0.5, 1.0, 1.0, (1.0, 1.0))]
+    made = SimpleNamespace(changes=changes, use=np.ones((3, GRID.count), bool))
+    place = twin_verdict._named_place(found, made, [SimpleNamespace(id="actuator_gain", stage="actuation")], ("actuation", "level"), 1.0)  # type: ignore[arg-type, list-item]
+    assert (place.channel, place.ratio_over_floor, place.share) == ("drive_level", 70.0, 1.0)

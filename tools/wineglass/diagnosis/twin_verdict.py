@@ -268,8 +268,7 @@ def _where(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, named: l
         key = (effect.stage, component_of(effect.id))
         places[key] = places.get(key, 0.0) + effect.share
     rest = max(0.0, 1.0 - sum(places.values()))
-    changes = {change.channel: change for change in confirmed.changes}
-    entries = [_named_place(found, changes, named, place, share) for place, share in places.items()]
+    entries = [_named_place(found, confirmed, named, place, share) for place, share in places.items()]
     entries += _traces(found, named, slow, noise, rest)
     if outcome.verdict == "unknown":
         entries += _unexplained(found, confirmed, rest if len(entries) == len(places) else 0.0)
@@ -291,24 +290,26 @@ def _traces(found: TwinAnalysis, named: list[EffectFound], slow: set[str], noise
     return entries
 
 
-def _named_place(found: TwinAnalysis, changes: dict[str, Change], named: list[EffectFound], place: tuple[str, str], share: float) -> Where:
+def _named_place(found: TwinAnalysis, confirmed: Confirmed, named: list[EffectFound], place: tuple[str, str], share: float) -> Where:
+    """In the channel that shows most of these effects on held-out data; where several effects move it, their part of it."""
     mine = {e.id for e in named if (e.stage, component_of(e.id)) == place}
     closed = next((c for c in found.closed if set(c.support) & mine), None)
-    energy = np.zeros(len(found.names))
-    series = np.zeros(found.grid.count)
-    if closed is not None:
-        parts = contributions(found, closed)
-        total = sum(parts[e] for e in mine if e in parts)
-        energy = np.sum(total**2, axis=1)
-        series = total[int(np.argmax(energy))]
-    change = changes[found.names[int(np.argmax(energy))]]
-    return _place(found, *place, change, share, series)
+    parts = contributions(found, closed) if closed is not None else {}
+    own = sum((parts[e] for e in mine if e in parts), np.zeros((len(found.names), found.grid.count)))
+    energy, whole = np.sum(own**2, axis=1), sum((np.sum(part**2, axis=1) for part in parts.values()), np.zeros(len(found.names)))
+    channel = int(np.argmax(_excess(confirmed, [c.before for c in confirmed.changes]) * energy / np.maximum(whole, 1e-300)))
+    return _place(found, *place, confirmed.changes[channel], share, own[channel])
+
+
+def _excess(confirmed: Confirmed, sizes: list[float]) -> np.ndarray:
+    """(channels,): energy on held-out data above the floor, in floors; of channels without a gap none. sizes: rms, before or after"""
+    beyond = [max(0.0, (size / max(c.floor, 1e-300)) ** 2 - 1.0) if c.fraction is not None else 0.0 for c, size in zip(confirmed.changes, sizes, strict=True)]
+    return np.array(beyond) * np.count_nonzero(confirmed.use, axis=1)
 
 
 def _unexplained(found: TwinAnalysis, confirmed: Confirmed, rest: float) -> list[Where]:
     """What is left on held-out data, channel by channel, in the stage that the channel reads."""
-    frames = np.count_nonzero(confirmed.use, axis=1)
-    excess = np.array([max(0.0, (c.after / max(c.floor, 1e-300)) ** 2 - 1.0) if c.fraction is not None else 0.0 for c in confirmed.changes]) * frames
+    excess = _excess(confirmed, [c.after for c in confirmed.changes])
     total = float(excess.sum())
     order = [int(i) for i in np.argsort(-excess) if excess[i] > 0.05 * total]
     left = np.where(confirmed.use, confirmed.after, 0.0)
