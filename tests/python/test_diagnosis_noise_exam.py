@@ -42,3 +42,10 @@ def test_forms_that_the_catalogue_does_not_have_are_named_alone(tmp_path, effect
     own = found.log_evidence[frozenset({effect_id})]
     assert own > 6.0 + max(score for chosen, score in found.log_evidence.items() if effect_id not in chosen and "other" not in chosen)
     assert own > 2.0 + max(score for chosen, score in found.log_evidence.items() if effect_id not in chosen)
+
+
+@pytest.mark.parametrize(("effect_id", "variant"), [("swept_rocking", "swept"), ("parametric_pumping", "at_twice")])
+def test_lines_that_go_their_own_way_are_no_effect_of_the_catalogue(tmp_path, effect_id, variant):
+    found = found_in(tmp_path / "x.h5", effect_id, variant, 1.0, "full", "open")
+    assert found.named == ["other"]
+    assert found.log_evidence[frozenset({"other"})] > 2.0 + max(score for chosen, score in found.log_evidence.items() if "other" not in chosen)

@@ -57,6 +57,12 @@ class Spectra:
         real, imaginary = (np.mean(np.abs(0.5 * part) ** 2, axis=1) for part in (up + down, up - down))
         return np.where(masked, np.nan, real), np.where(masked, np.nan, imaginary)
 
+    def folded(self) -> np.ndarray:
+        """Powers (n, length // 2 - 1) of both sides of the carrier together over the floor's form, NaN where a bin does not count."""
+        half = self.windows.length // 2
+        both = self._relative[:, 1:half] + self._relative[:, :half:-1]
+        return np.where(self.masked[:, 1:half], np.nan, both)
+
     def in_frame(self, frame_hz: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places [Hz], mean powers and numbers of terms (length,) in a frame whose frequency, against the oscillator's, is -frame_hz (samples,)."""
         rate, length = self.windows.tap.sample_rate_hz, self.windows.length

@@ -4,6 +4,7 @@
     a force             one sideband, at a fixed frequency; the shell answers the less, the farther it is         vibration
     a tone              one sideband, at a fixed frequency or one that follows the temperature                    interference
     swinging samples    the primary's quadrature alone                                                            clock_jitter
+    a line that goes where neither a structure nor an oscillator goes (noise_tracks.py)                           other
     none of these                                                                                                 other
 
 A tone's distance from the carrier changes when the carrier's frequency does, so it is sharp in a frame that does not turn with the oscillator. Each
@@ -19,9 +20,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from wineglass.calibration_block import Calibration
-from wineglass.diagnosis import noise_windows
+from wineglass.diagnosis import noise_tracks, noise_windows
 from wineglass.diagnosis.line_spectra import LEAST_BIN, Spectra, score, usual
 from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, RATE, SECONDARY, FloorModel
+from wineglass.diagnosis.noise_tracks import Track
 from wineglass.diagnosis.noise_windows import Windows
 from wineglass.recording.reader import Tap
 
@@ -62,6 +64,8 @@ class Line:
     axis: str = "secondary"
     distance_hz: float = math.nan
     """from the carrier, in the mean"""
+    track: Track | None = field(default=None, compare=False, repr=False)
+    """where it stands, of a line that goes its own way"""
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,7 @@ def find(windows: Windows, calibration: Calibration, model: FloorModel, temperat
     if len(windows) < noise_windows.LEAST_WINDOWS or not all(name in tap for name in (*axis, "drive_frequency")):
         return Lines([], len(windows), ["too little quiet baseband to look for lines"])
     search = _Search(windows, calibration, model, axis, temperature_degc)
-    found: list[dict[str, Line]] = []
+    found = search.astray()
     for _ in range(MOST):
         item = search.next(found)
         found.append(item)
@@ -132,7 +136,9 @@ def without(values: np.ndarray, lines: Lines, windows: Windows, carrier: Tap, te
     length, rate_hz = windows.length, windows.tap.sample_rate_hz
     slow = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, length), windows.order)
     for line in lines.clear:
-        if line.height < STRONG:
+        if line.track is not None:
+            done = False
+        if line.height < STRONG or line.track is not None:
             continue
         place, wander = _places(line, windows, carrier, temperature_degc)
         done &= float(np.median(wander)) * length / rate_hz < STEADY
@@ -146,6 +152,8 @@ def without(values: np.ndarray, lines: Lines, windows: Windows, carrier: Tap, te
 
 def _places(line: Line, windows: Windows, carrier: Tap, temperature_degc: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
     """Distance of a line from the oscillator in each window, and by how much it moves there [Hz]; (n,) each."""
+    if line.track is not None:
+        return np.interp(windows.time_s, line.track.time_s, line.track.place_hz), np.interp(windows.time_s, line.track.time_s, line.track.reach_hz)
     if line.form not in ("tone", "force", "drifting") or not math.isfinite(line.frequency_hz):
         return np.full(len(windows), line.frequency_hz), np.zeros(len(windows))
     moved = filled(carrier, "drive_frequency")
@@ -214,6 +222,20 @@ class _Search:
         if self._first is not None:
             item = self._joined(item, self._of_primary(self._first.without(mask)))
         return item
+
+    def astray(self) -> list[dict[str, Line]]:
+        """The strong line that goes its own way, if there is one; what it would be if it did not is worth so much less."""
+        wander = _in_windows(self._carrier, self._windows, self._windows.tap)[1]
+        found = noise_tracks.peaks(self._second.folded(), self._windows.frequency_hz[:self._windows.length // 2 - 1], self._windows.time_s, wander)
+        degc = None if self._temperature is None else _in_windows(self._temperature, self._windows, self._windows.tap)[0]
+        track = noise_tracks.follow(found, self._middles(), degc, 0.5 * self._windows.tap.sample_rate_hz)
+        if track is None:
+            return []
+        height = float(np.median(track.height[found.strong]))
+        line = Line("other", float(np.median(track.place_hz)), math.nan, math.nan, math.nan, track.log_evidence, height, height, track.form, track=track)
+        usual = {kind: replace(other, log_evidence=track.log_evidence - track.margin) if other.log_evidence > CLEAR else other
+                 for kind, other in self._of_secondary(self._second).items() if kind != "other"}
+        return [usual | {"other": line}]
 
     def _joined(self, second: dict[str, Line], first: dict[str, Line]) -> dict[str, Line]:
         """Of the axis on which the line stands higher; on both alike it is a tone at both pickoffs, or two lines."""
