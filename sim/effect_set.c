@@ -72,8 +72,8 @@ static bool setting_acts(const struct effect_setting *setting)
 {
     bool acts = false;
     for (uint32_t i = 0; i < effect_parameter_count(setting->effect); i++) {
-        bool strength = effect_parameter(setting->effect, i)->kind == EFFECT_STRENGTH;
-        acts = acts || (strength && setting->value[i] != 0.0);
+        bool shape = effect_parameter(setting->effect, i)->kind == EFFECT_SHAPE;
+        acts = acts || (!shape && setting->value[i] != 0.0);
     }
     return acts;
 }
@@ -221,6 +221,27 @@ static double uniform(uint64_t bits)
 }
 
 /* Box and Muller, from two hashes of (seed, stream, place). */
+double effect_one_pole(double element, double from, double to, double duration_s, double lag_s)
+{
+    if (lag_s <= 0.0) {
+        return to;
+    }
+    double slope = duration_s > 0.0 ? (to - from) / duration_s : 0.0;
+    double behind = slope * lag_s;
+    return to - behind + (element - from + behind) * exp(-duration_s / lag_s);
+}
+
+double effect_curve(const double *knots, const struct effect_context *now)
+{
+    double place = (now->shell_degc + 50.0) / 10.0;
+    place = place < 0.0 ? 0.0 : place > EFFECT_KNOTS - 1 ? EFFECT_KNOTS - 1 : place;
+    int here = place < EFFECT_KNOTS - 2 ? (int)place : EFFECT_KNOTS - 2;
+    double x = place - here, y = 1.0 - x;
+    double before = knots[here > 0 ? here - 1 : 0], after = knots[here < EFFECT_KNOTS - 2 ? here + 2 : EFFECT_KNOTS - 1];
+    double near = knots[here] * (4.0 - x * x * (6.0 - 3.0 * x)) + knots[here + 1] * (4.0 - y * y * (6.0 - 3.0 * y));
+    return (before * y * y * y + near + after * x * x * x) / 6.0;
+}
+
 double effect_noise(uint64_t seed, uint32_t stream, uint64_t place)
 {
     const uint64_t golden = UINT64_C(0x9E3779B97F4A7C15);

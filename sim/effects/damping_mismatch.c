@@ -15,8 +15,7 @@ static void prepare(double *values)
 static void apply(const double *values, const double *state, const struct effect_context *now, struct plant_parameters *p)
 {
     (void)state;
-    double t = effect_shift_degc(now);
-    double half = 0.25 * (values[0] + values[1] * t) * (p->resonator.damping[0] + p->resonator.damping[1]);
+        double half = 0.25 * (values[0] + values[1] * effect_shift_degc(now) + effect_curve(values + 3, now)) * (p->resonator.damping[0] + p->resonator.damping[1]);
     p->resonator.damping[0] += half * values[COSINE];
     p->resonator.damping[1] -= half * values[COSINE];
     p->resonator.cross_damping_12 -= half * values[SINE];
@@ -32,6 +31,7 @@ const struct effect effect_damping_mismatch = {
         {"mismatch", "1", EFFECT_STRENGTH, 0.0, -1.0, 1.0, 0.01, "one per cent at Q = 1e4 is a bias of half a degree per second"},
         {"slope_per_degc", "1/degC", EFFECT_STRENGTH, 0.0, -0.01, 0.01, 1e-4, "a per cent of the mismatch per degC"},
         {"axis_deg", "deg", EFFECT_SHAPE, 30.0, -90.0, 90.0, 30.0, "angle of the axis of larger damping in mode space"},
+        EFFECT_CURVE("1", 1.0, 0.01),
     },
     .prepare = prepare,
     .parameters = apply,

@@ -14,7 +14,7 @@
 #include "sim/plant_parameters.h"
 
 /* cdef begin */
-enum effect_limit { EFFECT_PARAMETERS = 6, EFFECT_PREPARED = 4, EFFECT_STATES = 8, EFFECT_SET = 16 };
+enum effect_limit { EFFECT_PARAMETERS = 24, EFFECT_PREPARED = 4, EFFECT_STATES = 8, EFFECT_SET = 16 };
 
 enum effect_stage {
     EFFECT_STAGE_PRIMARY, EFFECT_STAGE_SECONDARY, EFFECT_STAGE_COUPLING, EFFECT_STAGE_ACTUATION, EFFECT_STAGE_PICKOFF,
@@ -23,14 +23,15 @@ enum effect_stage {
 
 enum effect_kind {
     EFFECT_SHAPE,    /* says how the effect acts; alone it changes nothing */
-    EFFECT_STRENGTH  /* the effect is absent when all of these are zero */
+    EFFECT_STRENGTH, /* the effect is absent when all of these and all forms are zero */
+    EFFECT_FORM      /* bends the law that the equation states; at zero it is as stated */
 };
 
 struct effect_parameter {
     const char *name;
     const char *unit;
     uint32_t kind;      /* enum effect_kind */
-    double usual;       /* value of a shape that is not given; 0 for a strength */
+    double usual;       /* value of a shape that is not given; 0 for a strength or form */
     double low, high;   /* physical bound */
     double typical;     /* usual size in real devices, in magnitude */
     const char *source; /* where size and bound come from */
@@ -40,7 +41,7 @@ struct effect_parameter {
 struct effect_setting {
     uint32_t effect;
     uint32_t reserved;
-    double value[6];
+    double value[24];
 };
 /* cdef end */
 
@@ -106,12 +107,36 @@ static inline double effect_shift_degc(const struct effect_context *now)
     return now->shell_degc - now->reference_degc;
 }
 
+/* Since power-up. */
+static inline double effect_hours(const struct effect_context *now)
+{
+    return now->time_s > 0.0 ? now->time_s / 3600.0 : 0.0;
+}
+
+/* Where one pole stands that was at `element`, `duration_s` after its input left `from` for `to` in a straight line. */
+double effect_one_pole(double element, double from, double to, double duration_s, double lag_s);
+
 /* A bias, as the rate that it looks like: cross damping, both ways. */
 static inline void effect_add_bias(struct plant_parameters *p, double rate_rad_s)
 {
     p->resonator.cross_damping_12 += p->resonator.angular_gain * rate_rad_s;
     p->resonator.cross_damping_21 += p->resonator.angular_gain * rate_rad_s;
 }
+
+/* A law over the temperature that is no polynomial: control points of a cubic B-spline every 10 degC from -50 to 120 degC, held beyond. So many parameters of
+ * a record; `effect_curve` takes the place of the first. */
+enum { EFFECT_KNOTS = 18 };
+#define EFFECT_KNOT(degc, its_unit, most, usual_size)                                                                                                      \
+    {"curve_" #degc "_degc", its_unit, EFFECT_FORM, 0.0, -(most), most, usual_size, "a law that is no polynomial: as large as its straight part"}
+#define EFFECT_CURVE(its_unit, most, usual_size)                                                                                                           \
+    EFFECT_KNOT(minus_50, its_unit, most, usual_size), EFFECT_KNOT(minus_40, its_unit, most, usual_size), EFFECT_KNOT(minus_30, its_unit, most, usual_size), \
+    EFFECT_KNOT(minus_20, its_unit, most, usual_size), EFFECT_KNOT(minus_10, its_unit, most, usual_size), EFFECT_KNOT(0, its_unit, most, usual_size), \
+    EFFECT_KNOT(10, its_unit, most, usual_size), EFFECT_KNOT(20, its_unit, most, usual_size), EFFECT_KNOT(30, its_unit, most, usual_size), \
+    EFFECT_KNOT(40, its_unit, most, usual_size), EFFECT_KNOT(50, its_unit, most, usual_size), EFFECT_KNOT(60, its_unit, most, usual_size), \
+    EFFECT_KNOT(70, its_unit, most, usual_size), EFFECT_KNOT(80, its_unit, most, usual_size), EFFECT_KNOT(90, its_unit, most, usual_size), \
+    EFFECT_KNOT(100, its_unit, most, usual_size), EFFECT_KNOT(110, its_unit, most, usual_size), EFFECT_KNOT(120, its_unit, most, usual_size)
+
+double effect_curve(const double *knots, const struct effect_context *now);
 
 /* A standard Gaussian number for a place in time, the same in both twins whatever their steps are. */
 double effect_noise(uint64_t seed, uint32_t stream, uint64_t place);

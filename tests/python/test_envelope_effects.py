@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from both_twins import Series, both, case, envelope, full, rms
+from scipy.interpolate import BSpline
 
 from wineglass import effects, paths
 from wineglass.effects import Setting, typical
@@ -98,6 +99,37 @@ def test_both_twins_show_the_same_effect(effect_id, loop):
         assert rms(found - true) <= 0.02 * rms(true) + 2.0 * rms(plain), f"{name}, jumps included"
 
 
+def bent(effect_id: str) -> Setting:
+    """The effect with every form of its law: a curve that swings from one control point to the next, everything else at its typical size."""
+    forms = {p.name: p.typical for p in effects.find(effect_id).parameters if p.form}
+    swing = {name: value * (1.0, 3.0, -2.0)[i % 3] for i, (name, value) in enumerate((n, v) for n, v in forms.items() if n.startswith("curve_"))}
+    return Setting(effect_id, {**setting(effect_id).values, **forms, **swing})
+
+
+@pytest.mark.parametrize("loop", ["open", "rebalance"])
+@pytest.mark.parametrize("effect_id", [effect_id for effect_id in IDS if any(p.form for p in effects.find(effect_id).parameters)])
+def test_both_twins_show_the_same_bent_law(effect_id, loop):
+    """Held is what the forms change, beside the law as it is stated."""
+    fast0, slow0 = both(case(fields(loop), [setting(effect_id)]), START_S)
+    fast, slow = both(case(fields(loop), [bent(effect_id)]), START_S)
+    kept = calm(len(fast["rate"]))
+    for name in HELD:
+        true, found, plain = (slow[name] - slow0[name])[kept], (fast[name] - fast0[name])[kept], (fast0[name] - slow0[name])[kept]
+        assert rms(found - true) <= 0.01 * rms(true) + 2.0 * rms(plain), name
+
+
+def test_a_curve_is_the_cubic_spline_of_its_control_points():
+    knots = {p.name: p for p in effects.find("thermometer_error").parameters if p.form}
+    points = np.random.default_rng(5).standard_normal(len(knots))
+    at_degc = -50.0 + 10.0 * np.arange(len(knots))
+    spline = BSpline(np.arange(-70.0, 141.0, 10.0), points, 3)  # four knots further than points, half of them on either side
+    run = {**fields("open"), "temperature": {"kind": "ramps", "start_degc": -20, "ramps": [{"duration_s": 4}, {"to_degc": 70, "speed_degc_per_min": 200}]}}
+    curved = Setting("thermometer_error", dict(zip(knots, points, strict=True)))
+    degc, read = (envelope(case(run, chosen))["temperature_measured"] for chosen in ([], [curved]))
+    assert at_degc[0] < degc.min() < -15.0 and 60.0 < degc.max() < at_degc[-1]
+    assert read - degc == pytest.approx(spline(degc), abs=2e-3)
+
+
 @pytest.mark.parametrize("loop", ["open", "rebalance"])
 @pytest.mark.parametrize("doubled", [0.0, 1.0])
 def test_lost_and_doubled_samples_jolt_the_frequency_alike(doubled, loop):
@@ -149,9 +181,9 @@ def test_every_effect_is_seen_in_some_channel():
 
 
 def strengthless(effect_id: str) -> Setting:
-    """All strengths zero, all shapes at the upper end of their range."""
+    """All strengths and forms zero, all shapes at the upper end of their range."""
     record = effects.find(effect_id)
-    return Setting(effect_id, {p.name: 0.0 if p.strength else p.high for p in record.parameters})
+    return Setting(effect_id, {p.name: 0.0 if p.strength or p.form else p.high for p in record.parameters})
 
 
 def test_strength_zero_is_absent_to_the_last_bit():

@@ -19,12 +19,13 @@ STAGES = ("primary", "secondary", "coupling", "actuation", "pickoff", "clock", "
 
 @dataclass(frozen=True)
 class Parameter:
-    """strength: the effect is absent when all of its strengths are zero; otherwise a shape, whose usual value holds when it is not given.
-    typical: size in real devices; source: where it comes from"""
+    """strength: the effect is absent when all of its strengths and forms are zero; form: bends the law that the equation states; otherwise a shape, whose
+    usual value holds when it is not given. typical: size in real devices; source: where it comes from"""
 
     name: str
     unit: str
     strength: bool
+    form: bool
     usual: float
     low: float
     high: float
@@ -134,5 +135,5 @@ def _record(index: int) -> Effect:
 
 
 def _parameter(record: Any) -> Parameter:
-    return Parameter(_text(record.name), _text(record.unit), record.kind == 1, record.usual, record.low, record.high, record.typical,
+    return Parameter(_text(record.name), _text(record.unit), record.kind == 1, record.kind == 2, record.usual, record.low, record.high, record.typical,
                      _text(record.source))
