@@ -42,6 +42,7 @@ class LinearBench:
     shell_off: float = 0.0
     runs: int = 0
     driven: None = None
+    shell_degc: np.ndarray = field(default_factory=lambda: np.zeros(1))
 
     def __post_init__(self) -> None:
         self.unit = self.unit or LinearUnit(np.zeros(len(self.known)))

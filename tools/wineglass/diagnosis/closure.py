@@ -24,12 +24,14 @@ ENOUGH = 0.3  # nats promised: then it is closed
 NEGLIGIBLE = 1e-4  # of a prior's spread
 SHAPE_STEP, STRENGTH_STEP = 0.05, 0.005
 NEIGHBOURS = 2  # moments of the linear pass, on either side, between which a step is looked for
+POLAR_ROLES = ("cosine", "sine")
+BENT = float(np.log(0.1))  # prior of an effect whose law is bent
 MOMENT_S = 2.0  # about the moment that a linear pass found
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """One fitted number. role: 'strength', 'shape', 'cosine' or 'sine' (of double the axis); the prior is normal about `middle`."""
+    """One fitted number. role: 'strength', 'shape', 'form', 'cosine' or 'sine' (of double the axis); the prior is normal about `middle`."""
 
     effect: str
     name: str
@@ -67,8 +69,7 @@ class Closed:
 
     @property
     def possible(self) -> bool:
-        """No strength stands at the end of what is physically possible."""
-        return all(u.low < v < u.high or v == 0.0 for u, v in zip(self.unknowns, self.values, strict=True) if u.role == "strength")
+        return possible(self.unknowns, self.values)
 
     @property
     def places(self) -> list[int]:
@@ -77,17 +78,23 @@ class Closed:
 
     def weigh(self, softening: np.ndarray, nuisances: int, counts: dict[str, int]) -> Closed:
         columns = list(range(nuisances, self.products.count))
-        self.entry = explained(self.products, softening, nuisances, columns, self.variants, prior_of(self.variants, counts))
+        bent = len({u.effect for u in self.unknowns if u.role == "form"})
+        self.entry = explained(self.products, softening, nuisances, columns, self.variants, prior_of(self.variants, counts) + BENT * bent)
         return self
+
+
+def possible(unknowns: list[Unknown], values: np.ndarray) -> bool:
+    """No strength stands at the end of what physics allows."""
+    return all(u.low < v < u.high or v == 0.0 for u, v in zip(unknowns, values, strict=True) if u.role == "strength")
 
 
 def settings_of(unknowns: list[Unknown], values: np.ndarray) -> list[Setting]:
     """Every effect switched on with these values, kept within their bounds."""
     found: dict[str, dict[str, float]] = {}
     for unknown, value in zip(unknowns, values, strict=True):
-        if unknown.role in ("strength", "shape"):
+        if unknown.role not in POLAR_ROLES:
             value = min(max(float(value), unknown.low), unknown.high)
-        found.setdefault(unknown.effect, {})[unknown.role if unknown.role in ("cosine", "sine") else unknown.name] = float(value)
+        found.setdefault(unknown.effect, {})[unknown.role if unknown.role in POLAR_ROLES else unknown.name] = float(value)
     return [Setting(effect, _polar(effect, given)) for effect, given in found.items()]
 
 
@@ -286,12 +293,12 @@ def respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.n
     return np.zeros_like(bench.nominal[pick])
 
 
-def differences(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, response: np.ndarray) -> np.ndarray:
-    """The Jacobian (k, channels, n) at these values, by one run each; response: the one there."""
+def differences(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, response: np.ndarray, first: int = 0) -> np.ndarray:
+    """The Jacobian (k, channels, n) at these values, of unknowns from `first` on, by one run each; response: the one there."""
     rows = []
-    for i, unknown in enumerate(unknowns):
+    for i, unknown in list(enumerate(unknowns))[first:]:
         step = SHAPE_STEP * unknown.spread if unknown.role == "shape" else STRENGTH_STEP * max(abs(values[i]), unknown.spread / REACH)
-        step = -step if values[i] + step > unknown.high and unknown.role in ("strength", "shape") else step
+        step = -step if values[i] + step > unknown.high and unknown.role not in POLAR_ROLES else step
         moved = values.copy()
         moved[i] += step
         rows.append((respond(bench, pick, unknowns, moved) - response) / step)
@@ -308,7 +315,7 @@ def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change:
 
 
 def within_bounds(unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
-    return np.array([v if u.role in ("cosine", "sine") else min(max(v, u.low), u.high) for u, v in zip(unknowns, values, strict=True)])
+    return np.array([v if u.role in POLAR_ROLES else min(max(v, u.low), u.high) for u, v in zip(unknowns, values, strict=True)])
 
 
 # --- where it begins -------------------------------------------------------------------------------------------------------
@@ -350,7 +357,7 @@ def _straight_start(responses: Responses, variant: Variant, coefficients: dict[i
             value = min(max(value, 0.2 * unit), 5.0 * unit)
         spread = abs(unit) if whole else REACH * abs(record.typical)
         value = min(max(value, record.low), record.high)
-        unknown = Unknown(variant.effect, record.name, "strength", value, unit if whole else 0.0, spread, record.low, record.high)
+        unknown = Unknown(variant.effect, record.name, "form" if record.form else "strength", value, unit if whole else 0.0, spread, record.low, record.high)
         found.append((unknown, column, 1.0 / unit))
     return found
 

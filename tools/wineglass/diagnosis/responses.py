@@ -6,13 +6,14 @@ how large it may be. Effects whose shape cannot be had by adding columns come in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from wineglass import effects
 from wineglass.device import Device
+from wineglass.diagnosis import curves
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.described_noise import FLAT_ALLAN, direct_floors
 from wineglass.diagnosis.drive import Driven
@@ -32,7 +33,7 @@ USUAL_TERMS = 24
 WANDER_PROBE, WANDER_PROBE_RAD_S = 1e-3, 1e-5
 REACH = 10.0  # prior of a strength: so many times its typical size
 OFFSET_S = 1e-3  # between the clocks of rate table and device
-SHELL = "shell reference"
+SHELL, MEASURED = "shell reference", "temperature_measured"
 SHELL_OFFSET_DEGC = 0.05  # of a bench's shell thermometer
 POLAR = {"frequency_split": ("split_hz", "slope_hz_per_degc"), "damping_mismatch": ("mismatch", "slope_per_degc")}
 """Effects with an axis: size and axis are two Cartesian components of double the angle."""
@@ -90,6 +91,11 @@ class Bench:
         """`uncertainties` about this bench, once they are known"""
         self.wander: list[tuple[str, np.ndarray]] | None = None
 
+    @property
+    def shell_degc(self) -> np.ndarray:
+        """(n,): as far as it is known, where the shell has been."""
+        return self.driven.run.scenario.temperature.at(self.grid.time_s)
+
     def at(self, unit: Unit, shell_off: float) -> Bench:
         return Bench(self._as_recorded, self.grid, self.names, unit, shell_off)
 
@@ -119,8 +125,8 @@ class Bench:
         return np.pad(values, ((0, 0), (0, missing)), "edge") if missing > 0 else values
 
 
-def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callable[[], None] = lambda: None) -> Responses:
-    """without: effects taken out of the catalogue (for tests of honesty)."""
+def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callable[[], None] = lambda: None, bend: bool = True) -> Responses:
+    """without: effects taken out of the catalogue (for tests of honesty). bend: laws may be curves over temperature."""
     columns: list[Column] = []
     values: list[np.ndarray] = []
     variants: dict[str, list[Variant]] = {}
@@ -148,6 +154,11 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
             simple = _simplest(effect.id, [columns[i] for i in places], places)
             if simple:
                 found.append(Variant(effect.id, simple, shapes))
+        curve = list(_curve(bench, effect)) if bend else []
+        if found and curve:
+            found.append(Variant(effect.id, (*found[0].columns, *range(len(columns), len(columns) + len(curve)))))
+            columns += [column for column, _ in curve]
+            values += [response for _, response in curve]
         if found:
             variants[effect.id] = found
         advance()
@@ -249,6 +260,18 @@ def _strengths(effect: effects.Effect, shape: dict[str, float]) -> list[Probe]:
             for p in effect.parameters if p.strength and not (effect.id == "vibration" and p.name == "rate_rad_s")]
 
 
+def _curve(bench: Bench, effect: effects.Effect) -> Iterator[tuple[Column, np.ndarray]]:
+    """One column per control point: the response to a curve that is the same everywhere, weighted as the point counts at the temperature of the moment."""
+    points = curves.seen(effect, bench.shell_degc)
+    if effect.id in POLAR or not points or MEASURED not in bench.names:
+        return
+    everywhere = Setting(effect.id, {p.name: p.typical for p in curves.points(effect)})
+    response = bench.run([everywhere]) - bench.nominal
+    degc = bench.nominal[bench.names.index(MEASURED)]
+    for point in points:
+        yield Column(effect.id, Setting(effect.id, {point.name: point.typical}), point.name, REACH), response * curves.weight(degc, point)
+
+
 def _lags(bench: Bench) -> list[tuple[str, float]]:
     span = bench.grid.count * bench.grid.frame_s
     return [("lag_s", span / part) for part in (10000, 3000, 1000, 300, 100, 30, 10)]
@@ -270,8 +293,9 @@ _WHOLE: dict[str, Callable[[Bench], list[tuple[str, float]]]] = {
 
 
 def _step_times(bench: Bench) -> list[dict[str, float]]:
-    span = bench.grid.count * bench.grid.frame_s
-    return [{"time_s": bench.grid.first * bench.grid.frame_s + span * (i + 0.5) / 20, "creep_s": creep * span} for i in range(20) for creep in (0.0, 0.1)]
+    begin, span = bench.grid.first * bench.grid.frame_s, bench.grid.count * bench.grid.frame_s
+    moments = [{"time_s": begin + span * (i + 0.5) / 20, "creep_s": creep * span} for i in range(20) for creep in (0.0, 0.1)]
+    return [*moments, *({"time_s": begin, "creep_s": creep * span} for creep in (0.5, 3.0))]
 
 
 _LATER = ("damping_step",)

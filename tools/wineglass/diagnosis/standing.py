@@ -113,11 +113,11 @@ def energy_left(standing: Standing, setting: Judged, frames: Frames) -> np.ndarr
 
 @dataclass(frozen=True)
 class Exact:
-    """frames: the full twin's, as far as the last small step to the standing is the envelope's; ran: where it was run last, and its own frames."""
+    """frames: the full twin's, as far as the last step to the standing is the envelope's; ran: where it was run last, and its own frames, if that step was small."""
 
     standing: Standing
     frames: Frames
-    ran: tuple[Standing, Frames]
+    ran: tuple[Standing, Frames] | None
 
 
 def exactly(standing: Standing, setting: Judged, hopeless: float = np.inf) -> Exact:
@@ -137,7 +137,7 @@ def exactly(standing: Standing, setting: Judged, hopeless: float = np.inf) -> Ex
         if gained < CHECKED or float(np.max(here.energy_left)) > hopeless:
             break
     assert before is not None
-    return Exact(standing, frames, before)
+    return Exact(standing, frames, before if gained < CHECKED else None)
 
 
 @dataclass(frozen=True)

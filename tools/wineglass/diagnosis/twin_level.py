@@ -5,7 +5,7 @@ docs/DIAGNOSIS.md argues every step.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,10 +17,11 @@ from wineglass.device import Device
 from wineglass.diagnosis import changes, channels, drive, explain, floors, noisy, responses, standing, system
 from wineglass.diagnosis.beside import LARGEST, beside
 from wineglass.diagnosis.channels import Frames, Grid
-from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
+from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError, possible
 from wineglass.diagnosis.drive import Driven
-from wineglass.diagnosis.explain import Explained
+from wineglass.diagnosis.explain import Explained, Support
 from wineglass.diagnosis.floors import Floor
+from wineglass.diagnosis.forms import bent
 from wineglass.diagnosis.noise_level import NoiseEvidence
 from wineglass.diagnosis.responses import Bench, Responses
 from wineglass.diagnosis.standing import Standing
@@ -32,12 +33,16 @@ from wineglass.scenario import Run
 
 ENGINE = "twin_level"
 CLOSED_SINGLES, CLOSED_SETS = 4, 3
+ORDINARY = 3  # single effects beside which the unit is least off its description
+BENT = 4  # explanations, the best first, whose forms may bend
 PARTED = 1  # sets of each size that are also tried without each of their effects
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
 SWITCHING = 12  # frames after the loop was opened or closed
 HOPELESS = 30.0  # energy per frame that a unit without effects may leave and still be worth another run of the full twin
 HELD_OUT_SLACK = 2.0  # energy: of noise alone
+FAR_OFF = 2.0  # standard deviations
+FOLLOWED, NEARLY_ALL = 3, 3.0  # single effects, until one leaves so little energy per frame in every channel
 QUIET_ENOUGH, STARTS = 1.5, 2  # energy per frame and channel that tolerances may leave; single effects to begin with
 LOOKS, LOOK_AGAIN, BETTER = 3, 50.0, 3.0  # nats over no effect, from which on all explanations are looked at again about the full twin with the best one
 BEND = 0.03  # of the rate's span: a second difference beyond that is a step
@@ -131,15 +136,14 @@ def _has_a_gap(there: Standing, frames: Frames, setting: _Setting) -> bool:
 
 def _explained(there: Standing, base: Frames, nominal: Bench, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look:
     """The last look, after the best explanations were followed on the full twin. there: the unit that the recording asks for, base: the twin's frames of it."""
-    start = None
+    look, followed = None, set()
     if float(np.max(standing.energy_left(there, setting, base))) >= QUIET_ENOUGH:
-        start = _start([(there.bench, base), (nominal, standing.at_bench(there, base, nominal))], setting, without, advance)
-    followed = set() if start is None else {frozenset(start.closed.support)}
-    look = None if start is None else _followed(start.closed, start.standing, setting, without, advance)
+        places = [lambda: (there.bench, base), lambda: (nominal, _frames_of(nominal, there, base))]
+        look, followed = _from_singles(places, setting, without, advance)
     look = look or _look(there.bench, base, setting, without, advance)
     while not look.settled and len(followed) < LOOKS and (best := look.promising(followed)) is not None:
         look = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), setting, without, advance) or look
-        followed.add(frozenset(best.support))
+        followed.add(best.support)
     return look
 
 
@@ -152,21 +156,43 @@ class _Start:
     left: np.ndarray
 
 
-def _start(places: list[tuple[Bench, Frames]], setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Start | None:
-    """Of all singles, moved with the unit on the envelope twin, the one that leaves least. places: units with the full twin's frames there, so that what
-    the envelope misses favours none: the unit that the recording asks for, and the described one, because a unit that has taken on a gap hides its cause."""
-    found: list[_Start] = []
-    for bench, frames in places:
-        for entry in _look(bench, frames, setting, without, advance, largest=1).closed[:STARTS]:
-            start = Standing(bench, entry.unknowns, entry.values, entry.jacobian)
-            try:
-                there, near = standing.roughly(start, setting, standing.with_effects(start, frames))
-            except BadInput:  # closed where the twin refused a little more
-                continue
-            found.append(_Start(entry, there, standing.energy_left(there, setting, near)))
-        if any(np.max(start.left) < QUIET_ENOUGH for start in found):
+def _frames_of(described: Bench, there: Standing, base: Frames) -> Frames:
+    """The full twin's frames of the described unit: run again, where another one is too far from it for the envelope twin to say the difference."""
+    far = float(np.max(np.abs(there.bench.unit.off), initial=0.0)) >= FAR_OFF
+    return standing.run(Standing(described)) if far else standing.at_bench(there, base, described)
+
+
+def _from_singles(places: list[Callable[[], tuple[Bench, Frames]]], setting: _Setting, without: frozenset[str], advance: Callable[[], None]
+                  ) -> tuple[_Look | None, set[Support]]:
+    """The look that leaves least after a single effect was followed on the full twin, and which were. places: units with the full twin's frames there, so that
+    what the envelope misses favours none: the unit that the recording asks for, and the described one, because a unit that has taken on a gap hides its cause."""
+    starts: list[_Start] = []
+    for place in places:
+        starts += _starts(*place(), setting, without, advance)
+        if any(np.max(start.left) < QUIET_ENOUGH for start in starts):
             break
-    return min(found, key=lambda start: float(np.sum(start.left)), default=None)
+    best, followed = None, set[Support]()
+    for start in sorted(starts, key=lambda start: float(np.sum(start.left))):
+        if len(followed) == FOLLOWED or (best is not None and (best.settled or best.least < NEARLY_ALL)):
+            break
+        if start.closed.support in followed:
+            continue
+        followed.add(start.closed.support)
+        look = _followed(start.closed, start.standing, setting, without, advance)
+        if look is not None and (best is None or look.settled or look.least < best.least):
+            best = look
+    return best, followed
+
+
+def _starts(bench: Bench, frames: Frames, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> Iterator[_Start]:
+    look = _look(bench, frames, setting, without, advance, largest=1, bend=False)
+    ordinary = sorted(look.closed, key=lambda closed: _strain(closed.entry, len(look.found.nuisances)))[:ORDINARY]
+    for entry in {closed.support: closed for closed in [*look.closed[:STARTS], *ordinary]}.values():
+        start = Standing(bench, entry.unknowns, entry.values, entry.jacobian)
+        with suppress(BadInput):  # closed where the twin refused a little more
+            there, near = standing.roughly(start, setting, standing.with_effects(start, frames))
+            if possible(there.unknowns, there.values):
+                yield _Start(entry, there, standing.energy_left(there, setting, near))
 
 
 def _followed(closed: Closed, start: Standing, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look | None:
@@ -201,21 +227,27 @@ class _Look:
     def over_none(self, closed: Closed) -> float:
         return closed.entry.log_evidence + closed.entry.log_generic - self.none.log_evidence - self.none.log_generic
 
-    def promising(self, followed: set[frozenset[str]]) -> Closed | None:
+    @property
+    def least(self) -> float:
+        """Energy per frame in the channel where the best explanation leaves most."""
+        per_frame = [float(np.max(entry.entry.left / np.maximum(self.system.n_rows, 1))) for entry in self.closed]
+        return min(per_frame, default=np.inf)
+
+    def promising(self, followed: set[Support]) -> Closed | None:
         """What to follow on the full twin next: of all single effects the one that leaves least; then what does better than that."""
         able = [entry for entry in self.closed if self.over_none(entry) > LOOK_AGAIN]
         if not followed:
             return min(able, key=lambda entry: (len(entry.support), float(np.sum(entry.entry.left))), default=None)
-        so_far = max((self.over_none(entry) for entry in self.closed if frozenset(entry.support) in followed), default=-np.inf)
+        so_far = max((self.over_none(entry) for entry in self.closed if entry.support in followed), default=-np.inf)
         best = able[0] if able and self.over_none(able[0]) > so_far + BETTER else None
-        return None if best is None or frozenset(best.support) in followed else best
+        return None if best is None or best.support in followed else best
 
 
 def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str], advance: Callable[[], None],
-          known: tuple[Closed, Standing] | None = None, largest: int = LARGEST, settled: bool = False) -> _Look:
+          known: tuple[Closed, Standing] | None = None, largest: int = LARGEST, settled: bool = False, bend: bool = True) -> _Look:
     """base: the twin's frames at the bench's unit, without effects. known: an explanation, and where it stands about this bench; settled: it leaves no gap.
-    largest: set of effects that is closed."""
-    found = responses.respond(bench, without if largest else frozenset(effect.id for effect in effects.catalogue()))
+    largest: set of effects that is closed; bend: laws may, where that is worth it."""
+    found = responses.respond(bench, without if largest else frozenset(effect.id for effect in effects.catalogue()), bend=bend)
     advance()
     built = setting.system(bench, base, unknown=True)
     columns = built.whiten(found.values[:, setting.pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
@@ -226,14 +258,16 @@ def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str]
     if known is not None:
         best, there = known
         assert there.jacobian is not None
-        again = closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian)
+        again = bent(closer, closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian))
         again.weigh(np.ones(len(built.names)), len(found.nuisances), counts)
         more = [] if settled else beside(closer, again, found, columns, counts)
         closed = {again.support: again} | {entry.support: entry for entry in more}
-    for entry in _worth_closing(_ranked(table, found)) if largest else []:
+    for entry in _worth_closing(_ranked(table, found), len(found.nuisances)) if largest else []:
         if entry.support not in closed and len(entry.support) <= largest:
             with suppress(NoNumbersError):
                 closed[entry.support] = closer.close(entry)
+    for entry in sorted(closed.values(), key=closer.cost_of)[: BENT if bend else 0]:
+        closed[entry.support] = bent(closer, entry)
     advance()
     weighed, softening, none = _weighed(built, _with_parts(closer, list(closed.values())), table, found, counts)
     return _Look(bench, base, found, built, table, none, weighed, softening, settled)
@@ -330,15 +364,20 @@ def _ranked(table: system.Products, found: Responses) -> explain.Ranking:
     return ranking
 
 
-def _worth_closing(ranking: explain.Ranking) -> list[Explained]:
-    """The best single effects, and the best sets."""
+def _worth_closing(ranking: explain.Ranking, nuisances: int) -> list[Explained]:
+    """The best single effects, those beside which the unit is an ordinary one, and the best sets."""
     def over_none(entry: Explained) -> float:
         return entry.log_evidence + entry.log_generic - ranking.none.log_evidence - ranking.none.log_generic
 
     able = [entry for entry in ranking.entries if over_none(entry) > LEAST_EVIDENCE]
-    singles = [entry for entry in able if len(entry.support) == 1][:CLOSED_SINGLES]
-    sets = [entry for entry in able if len(entry.support) > 1][:CLOSED_SETS]
-    return [*singles, *sets]
+    singles, sets = [entry for entry in able if len(entry.support) == 1], [entry for entry in able if len(entry.support) > 1]
+    ordinary = sorted(singles, key=lambda entry: _strain(entry, nuisances))[:ORDINARY]
+    return [*singles[:CLOSED_SINGLES], *(entry for entry in ordinary if entry not in singles[:CLOSED_SINGLES]), *sets[:CLOSED_SETS]]
+
+
+def _strain(entry: Explained, nuisances: int) -> float:
+    """How far from its description a unit has to be beside an explanation: half the energy of its priors."""
+    return 0.5 * float(np.sum(entry.coefficients[:nuisances] ** 2))
 
 
 def _with_parts(closer: Closer, closed: list[Closed]) -> list[Closed]:

@@ -9,7 +9,7 @@ import numpy as np
 from wineglass import __version__, effects
 from wineglass.diagnosis import confirmation, hypotheses, menu
 from wineglass.diagnosis.channels import unit_of
-from wineglass.diagnosis.closure import Closed
+from wineglass.diagnosis.closure import POLAR_ROLES, Closed
 from wineglass.diagnosis.confirmation import Change, Confirmed
 from wineglass.diagnosis.contract import (ChannelShrink, Diagnosis, EffectFound, Hypothesis, NextExperiment, Parameter, Provenance, Region, Shrink,
                                           TotalShrink, Where)
@@ -228,7 +228,7 @@ def _parameters(closed: Closed, effect: str, values: np.ndarray, covariance: np.
     units = {p.name: p.unit for p in effects.find(effect).parameters}
     for i in mine:
         unknown, deviation = closed.unknowns[i], float(np.sqrt(max(covariance[i, i], 0.0)))
-        if unknown.role in ("strength", "shape"):
+        if unknown.role not in POLAR_ROLES:
             moment = 0.5 * STEP_S if unknown.role == "shape" and units[unknown.name] == "s" else 0.0
             numbers.append(_number(unknown.name, float(values[i]), float(np.hypot(deviation, moment)), units[unknown.name]))
     if effect in POLAR:

@@ -1,0 +1,35 @@
+"""An effect's law over temperature that is no polynomial: a uniform cubic B-spline whose control points are parameters of the effect's record
+(`curve_20_degc`), sim/effects/effect.h."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wineglass.effects import Effect, Parameter
+
+PREFIX, SUFFIX, SPACING_DEGC = "curve_", "_degc", 10.0
+
+
+def temperature_of(name: str) -> float | None:
+    """Where a control point stands [degC]; None: the parameter is none."""
+    if not name.startswith(PREFIX):
+        return None
+    text = name.removeprefix(PREFIX).removesuffix(SUFFIX)
+    return -float(text.removeprefix("minus_")) if text.startswith("minus_") else float(text)
+
+
+def points(effect: Effect) -> list[Parameter]:
+    """All control points of an effect's curve; none where its record has no curve."""
+    return [p for p in effect.parameters if temperature_of(p.name) is not None]
+
+
+def seen(effect: Effect, shell_degc: np.ndarray) -> list[Parameter]:
+    """Control points of which a recording can show something. shell_degc (n,): where the shell has been."""
+    low, high = float(np.min(shell_degc)) - SPACING_DEGC, float(np.max(shell_degc)) + SPACING_DEGC
+    return [p for p in points(effect) if low < float(temperature_of(p.name) or 0.0) < high]
+
+
+def weight(degc: np.ndarray, point: Parameter) -> np.ndarray:
+    """(n,): how much the curve has of a control point at temperatures (n,)."""
+    off = np.abs(degc - float(temperature_of(point.name) or 0.0)) / SPACING_DEGC
+    return np.where(off < 1.0, (4.0 - 6.0 * off**2 + 3.0 * off**3) / 6.0, np.maximum(2.0 - off, 0.0) ** 3 / 6.0)

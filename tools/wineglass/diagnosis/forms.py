@@ -1,0 +1,95 @@
+"""Forms: an effect's law may bend away from the one that its record states. Tried on an explanation that leaves something, effect by effect."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+
+from wineglass import effects
+from wineglass.diagnosis import curves, explain, system
+from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError, Unknown, differences
+from wineglass.diagnosis.responses import REACH, Bench
+
+LEFT = 0.2  # of the noise's energy in a channel: with less than that beyond it, no form has to bend
+LEAST_GAIN = 10.0  # nats, in units of what is left
+MOST_KEPT = 0.4  # of what is left in the channel that gains most from a bent law: a wrong effect's curve removes some of everything
+
+
+def bent(closer: Closer, closed: Closed) -> Closed:
+    """The explanation with as many of its effects bent as are worth it, the most rewarding first; itself, if none is."""
+    while np.any(_excess(closer, closed, _per_frame(closer, closed)) > 0.0):
+        best = max((_gain(closer, closed, forms) for forms in _left_out(closer, closed)), key=lambda found: found[0], default=None)
+        if best is None or best[0] < LEAST_GAIN:
+            break
+        _, forms, jacobian = best
+        values = np.concatenate([closed.values, np.zeros(len(forms))])
+        followed = None
+        with suppress(NoNumbersError):
+            followed = closer.resume(closed.support, closed.variants, [*closed.unknowns, *forms], values, np.concatenate([closed.jacobian, jacobian]))
+        if followed is None or closer.cost_of(followed) > closer.cost_of(closed) - LEAST_GAIN:
+            break
+        closed = followed
+    return closed
+
+
+def _left_out(closer: Closer, closed: Closed) -> list[list[Unknown]]:
+    """Forms that the explanation does not have yet, those of one effect that go together; a curve, which can be anything, after the others."""
+    taken = {(u.effect, u.name) for u in closed.unknowns}
+    found = []
+    for effect in closed.support:
+        forms = [u for u in forms_of(effect, closer.bench) if (u.effect, u.name) not in taken]
+        curve = [u for u in forms if curves.temperature_of(u.name) is not None]
+        found += [part for part in ([u for u in forms if u not in curve], curve) if part]
+    return found
+
+
+def forms_of(effect: str, bench: Bench) -> list[Unknown]:
+    """All that the recording can show something of."""
+    record = effects.find(effect)
+    hidden = {p.name for p in curves.points(record)} - {p.name for p in curves.seen(record, bench.shell_degc)}
+    return [Unknown(effect, p.name, "form", 0.0, 0.0, REACH * p.typical, p.low, p.high) for p in record.parameters if p.form and p.name not in hidden]
+
+
+def _per_frame(closer: Closer, closed: Closed) -> np.ndarray:
+    """(channels,): energy left, nuisances and unknowns at their best."""
+    return _per_frame_of(closed.products, closer)
+
+
+def _per_frame_of(table: system.Products, closer: Closer) -> np.ndarray:
+    coefficients, _ = explain.posterior_mean(table.pooled(np.ones(len(closer.system.names))), list(range(table.count)))
+    return table.left(coefficients) / np.maximum(closer.system.n_rows, 1)
+
+
+def _excess(closer: Closer, closed: Closed, left: np.ndarray) -> np.ndarray:
+    """(channels,): of the energy left per frame, what is beyond noise, as large as the fastest changes show it; 0 where that is little."""
+    noise = closer.system.noise_left(closer.system.data - closer.system.whiten(closed.response)) ** 2
+    return np.where(left > (1.0 + LEFT) * noise, left - noise, 0.0)
+
+
+def _gain(closer: Closer, closed: Closed, forms: list[Unknown]) -> tuple[float, list[Unknown], np.ndarray]:
+    """Nats that these forms promise on the linear system about the explanation, in units of what it leaves; the forms, and their Jacobian."""
+    unknowns = closed.unknowns + forms
+    values = np.concatenate([closed.values, np.zeros(len(forms))])
+    jacobian = differences(closer.bench, closer.pick, unknowns, values, closed.response, len(closed.unknowns))
+    if not np.all(np.isfinite(jacobian)):
+        return -np.inf, [], jacobian
+    built = closer.system
+    spread = np.array([u.spread for u in unknowns])
+    middle = np.array([u.middle for u in unknowns])
+    columns = np.concatenate([closer.nuisance, built.whiten(np.concatenate([closed.jacobian, jacobian]) * spread[:, None, None])])
+    about = np.concatenate([closer.ground.centre, (values - middle) / spread])
+    table = system.products(built, columns, about, built.data - built.whiten(closed.response))
+    left = _per_frame(closer, closed)
+    before, after = _excess(closer, closed, left), _excess(closer, closed, _per_frame_of(table, closer))
+    if np.all((before == 0.0) | (after > MOST_KEPT * before)):
+        return -np.inf, forms, jacobian
+    gram = table.pooled(np.maximum(1.0, left))
+    return _evidence(gram, table.count) - _evidence(gram, table.count - len(forms)), forms, jacobian
+
+
+def _evidence(gram: np.ndarray, count: int) -> float:
+    """Log, of the first so many columns."""
+    places = list(range(count))
+    coefficients, determinant = explain.posterior_mean(gram, places)
+    return -0.5 * (float(gram[-1, -1] - gram[places, -1] @ coefficients) + determinant)
