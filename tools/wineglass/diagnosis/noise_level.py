@@ -43,6 +43,8 @@ BURIED = 300.0
 """height of a line whose sides move noise's level"""
 ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermometer_quantisation")
 """effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
+FORM_ERROR = 0.4
+"""relative, of a band: by which an effect's spectrum may be of another form than its model; what misses the spectrum by more is not it, however loud it is"""
 STALE_S, DECAYS = 0.5, 16.0
 INTERVAL_S, STAIR = 0.02, 1.5
 """events are known to an interval of the baseband, of the slowest one that is usual, and all of them are off alike: what one stair does at worst to the slope of a line through it"""
@@ -161,7 +163,9 @@ def _telemetry(recording: Recording, device: Device | None, calibration: Calibra
                 low = seen.rate(noise_spectra.LOW_LENGTH_S, noise_spectra.LOW_TO_HZ, lines)
             else:
                 notes.append("no true rate: a bias that wanders cannot be told from a base that turns")
-            bands = [*noise_spectra.without_low(found, noise_spectra.LOW_TO_HZ), *low]
+            if seen.restless:
+                notes.append("what is slow in the rate comes and goes, and no noise does that: it is left to the slow channels")
+            bands = [*noise_spectra.without_low(found, noise_spectra.SLOW_TO_HZ if seen.restless else noise_spectra.LOW_TO_HZ), *low]
         else:
             notes.append("no baseband with the drive's frequency: only the rate's own spectrum can be looked at, and no axis told from the other")
             lines = seen.rate_lines()
@@ -179,6 +183,7 @@ class _Seen:
         self._recording, self._device, self._calibration = recording, device, calibration
         self._skip_s, self._steps, self._slow = skip_s, steps, slow
         self.windows = 0
+        self.restless = False
         self.trends: list[noise_trend.Trend] = []
 
     def baseband(self) -> tuple[list[Band], Lines]:
@@ -188,23 +193,42 @@ class _Seen:
         degc = self._temperature(tap)
         lines = noise_lines.find(windows, self._calibration, model, degc)
         taken = noise_lines.taken(lines, windows, None, degc), noise_lines.taken(lines, windows, None, degc, highest=ECHO)
-        if not any(line.height > BURIED for line in lines.clear):
-            self._look_for_trends(windows, model, taken, degc)
-        return noise_spectra.bands_of(windows, self._device, self._calibration, self._slow, *taken), lines
+        self._look_for_trends(windows, model, lines, taken, degc)
+        return noise_spectra.bands_of(windows, self._device, self._calibration, self._slow, *taken, self._levels(windows)), lines
 
-    def _look_for_trends(self, windows: noise_windows.Windows, model: FloorModel, taken: tuple[np.ndarray, np.ndarray], degc: np.ndarray | None) -> None:
-        """At the described amplitude, where the windows' temperatures are known."""
-        usual = ~(np.abs(windows.amplitude_fs - self._calibration.amplitude_set_point_fs) > 6e-4)
+    def _levels(self, windows: noise_windows.Windows) -> dict[str, np.ndarray]:
+        """Of noise that changes with the temperature: its level in each window over the usual one, by axis."""
+        usual = self._at_described_amplitude(windows)
+        levels = {trend.axis: np.ones(len(windows)) for trend in self.trends}
+        for trend in self.trends:
+            levels[trend.axis][usual] = trend.relative
+        return levels
+
+    def _at_described_amplitude(self, windows: noise_windows.Windows) -> np.ndarray:
+        return ~(np.abs(windows.amplitude_fs - self._calibration.amplitude_set_point_fs) > 6e-4)
+
+    def _look_for_trends(self, windows: noise_windows.Windows, model: FloorModel, lines: Lines, taken: tuple[np.ndarray, np.ndarray],
+                         degc: np.ndarray | None) -> None:
+        """At the described amplitude, where the windows' temperatures are known; under a line that hides the noise, where that can be taken out."""
+        usual = self._at_described_amplitude(windows)
         if degc is None or np.count_nonzero(usual) < noise_windows.LEAST_WINDOWS:
             return
+        buried = any(line.height > BURIED for line in lines.clear)
         group, tap = windows.only(usual), windows.tap
         images = noise_windows.image_bins(group, self._calibration)
         middles = np.interp(group.time_s, tap.time_s, degc)
         axis = FORCES if self._calibration.loop == "rebalance" else SECONDARY
-        for name, channels, lines in (("primary", PRIMARY, taken[1]), ("secondary", axis, taken[0])):
+        if buried:
+            taken = (noise_lines.taken(lines, windows, None, degc, highest=0.0),) * 2
+        for name, channels, bins in (("primary", PRIMARY, taken[1]), ("secondary", axis, taken[0])):
             if all(channel in tap for channel in channels):
                 values = {channel: noise_lines.filled(tap, channel) for channel in channels}
-                found = noise_trend.find(name, group, values, {channel: model.of_white(channel) for channel in channels}, images | lines[usual],
+                if buried:
+                    cleaned = {channel: noise_lines.without(values[channel], lines, group, tap, degc) for channel in channels}
+                    if not all(done for _, done in cleaned.values()):
+                        continue
+                    values = {channel: cleaned[channel][0] for channel in channels}
+                found = noise_trend.find(name, group, values, {channel: model.of_white(channel) for channel in channels}, images | bins[usual],
                                          middles, Pickoff.of(self._device).whole)
                 self.trends += [found] if found is not None else []
 
@@ -228,7 +252,11 @@ class _Seen:
             values, sound = noise_lines.without(values, lines, windows, carrier, degc)
             if not sound:
                 return []
-        return noise_spectra.rate_bands(windows, self._device, self._calibration, values - self._slow.get(RATE, 0.0), taken, to_hz)
+        values = values - self._slow.get(RATE, 0.0)
+        if np.isfinite(to_hz) and noise_spectra.comes_and_goes(windows, values, taken):
+            self.restless = True
+            return []
+        return noise_spectra.rate_bands(windows, self._device, self._calibration, values, taken, to_hz)
 
     def _temperature(self, tap: Tap) -> np.ndarray | None:
         """As measured, at a tap's samples."""
@@ -294,8 +322,11 @@ class _Looks:
             found = max(found, *self.spectral.log_evidence.values()) - 1.0
         changing = sum(max(0.0, trend.log_evidence) for trend in self.trends)
         if chosen & {"excess_noise", OTHER} or self._raises_anything(chosen):
-            found += changing
-        return _bounded(max(found, -20.0))
+            steady = self.spectral.log_evidence[(chosen - {"excess_noise", OTHER}) & frozenset(noise_spectra.EFFECTS)]
+            found = max(found, steady - 1.0) + changing if changing > 0.0 else found  # what is there in the warmth alone hardly raises a mean
+        top = max(self.spectral.log_evidence.values()) + changing
+        allowed = 0.5 * FORM_ERROR**2 * sum(band.shape for band in self.spectral.bands)
+        return min(_bounded(max(found, -20.0)), _bounded(top) - _bounded(max(0.0, top - found - allowed)))
 
     def _raises_anything(self, chosen: frozenset[str]) -> bool:
         """One of ANYTHING is chosen, and its own mark is there."""

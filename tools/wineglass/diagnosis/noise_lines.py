@@ -131,23 +131,38 @@ def taken(lines: Lines, windows: Windows, carrier: Tap | None = None, temperatur
 
 def without(values: np.ndarray, lines: Lines, windows: Windows, carrier: Tap, temperature_degc: np.ndarray | None) -> tuple[np.ndarray, bool]:
     """A channel (n,) without the strong lines in its windows, since a polynomial does not leave them alone; and whether that could be done: a line
-    whose frequency moves too much within a window stays."""
+    whose phase is not known within a window stays."""
     left, done = values.copy(), True
-    length, rate_hz = windows.length, windows.tap.sample_rate_hz
+    length = windows.length
     slow = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, length), windows.order)
     for line in lines.clear:
-        if line.track is not None:
-            done = False
-        if line.height < STRONG or line.track is not None:
+        if line.height < STRONG:
             continue
-        place, wander = _places(line, windows, carrier, temperature_degc)
-        done &= float(np.median(wander)) * length / rate_hz < STEADY
-        for first, at in zip(windows.first, place, strict=True):
-            angle = 2.0 * np.pi * at * np.arange(length) / rate_hz
-            design = np.column_stack([np.cos(angle), np.sin(angle), slow])
+        turns, known = _turns(line, windows, carrier, temperature_degc)
+        done &= known
+        for first in windows.first if known else []:
             piece = slice(first, first + length)
-            left[piece] -= design[:, :2] @ np.linalg.lstsq(design, left[piece], rcond=None)[0][:2]
+            wave = np.exp(2j * np.pi * turns[piece])[:, None] * slow[:, :2]  # its size may change, too
+            design = np.column_stack([wave.real, wave.imag, slow])
+            left[piece] -= design[:, :4] @ np.linalg.lstsq(design, left[piece], rcond=None)[0][:4]
     return left, done
+
+
+def _turns(line: Line, windows: Windows, carrier: Tap, temperature_degc: np.ndarray | None) -> tuple[np.ndarray, bool]:
+    """Phase (n,) of a line at the samples of the windows' tap, and whether it is known: a thermometer tells a frequency too late for a phase where that
+    moves much."""
+    tap = windows.tap
+    if line.track is not None or not math.isfinite(line.frequency_hz):
+        return np.zeros(len(tap)), False
+    if line.form not in ("tone", "force", "drifting"):
+        return line.frequency_hz * tap.time_s, True
+    away, known = line.frequency_hz - filled(carrier, "drive_frequency"), True
+    if line.drift_hz_per_degc and temperature_degc is not None:
+        drift = line.drift_hz_per_degc * (temperature_degc - float(np.mean(temperature_degc)))
+        away = away + drift
+        known = float(np.median(_in_windows(drift, windows, carrier)[1])) * windows.length / tap.sample_rate_hz < STEADY
+    turns = np.concatenate([[0.0], np.cumsum(0.5 * (away[1:] + away[:-1]) * np.diff(carrier.time_s))])
+    return np.interp(tap.time_s, carrier.time_s, turns), known
 
 
 def _places(line: Line, windows: Windows, carrier: Tap, temperature_degc: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import gammaincc, logsumexp, polygamma
 
 from wineglass.calibration_block import Calibration
 from wineglass.device import Device
@@ -41,6 +41,9 @@ LEAST_SENSITIVITY = 0.08
 """where a loop leaves less of the noise's power, slow content counts for more than noise"""
 SLOW_TO_HZ, SMOOTH_SHARE = 3.0, 1.3
 """a low band whose power depends on how much of a polynomial was taken out holds slow content and no noise"""
+RESTLESS, CHANCE = 0.3, 1e-3
+"""by which the power of noise may change from window to window beyond chance (of its log); chance by which more than that is taken for noise"""
+WHITE_FROM_HZ = 5.0
 LINE_RATIO = 4.0
 FINE_NODES = 400
 """of a strength, for its interval"""
@@ -107,9 +110,10 @@ class SpectralEvidence:
 
 
 def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: dict[str, np.ndarray], lines: np.ndarray,
-             echoes: np.ndarray) -> list[Band]:
+             echoes: np.ndarray, levels: dict[str, np.ndarray] | None = None) -> list[Band]:
     """All usable bands. slow: what another model predicts of channels' slow content, by name, at the baseband's samples;
-    lines: bins of each window that a line stands on, (n, m) bool; echoes: those on which the primary shows it, through coupling."""
+    lines: bins of each window that a line stands on, (n, m) bool; echoes: those on which the primary shows it, through coupling; levels: by which noise that
+    changes is above its usual level in each window (n,), by axis: bands that look at other windows would be at odds."""
     tap = windows.tap
     found: list[Band] = []
     loop = calibration.loop
@@ -126,7 +130,8 @@ def bands_of(windows: Windows, device: Device, calibration: Calibration, slow: d
             if channel in tap:
                 values = _filled(tap, channel) - slow.get(channel, 0.0)
                 taken = images[chosen] | (lines[chosen] if channel in axis else echoes[chosen])
-                found += _bands(group, channel, values, float(amplitude), model, taken)
+                level = (levels or {}).get("primary" if channel in PRIMARY else "secondary", np.ones(len(windows)))[chosen]
+                found += _bands(group, channel, values, float(amplitude), model, taken, level)
     return found
 
 
@@ -144,6 +149,23 @@ def rate_bands(windows: Windows, device: Device, calibration: Calibration, value
     return [band for band in found if float(model.rate_answer(np.array([band.high_hz]))[0]) > LEAST_ANSWER]
 
 
+def comes_and_goes(windows: Windows, values: np.ndarray, lines: np.ndarray) -> bool:
+    """Is what is slow in the rate there in some windows and not in others? Noise of a bias is there all the time, its windows' powers gamma distributed about
+    one mean; strain that is let go, a path over temperature, and a bias that switches move in some and stand still in others. What changes at all frequencies alike
+is white, and does not count. lines (n, m): bins that do not count"""
+    f = windows.frequency_hz
+    chosen = (np.arange(1, len(f) + 1) > FIRST_BIN) & (f < LOW_TO_HZ) & ~lines.any(axis=0)
+    quick = (f > WHITE_FROM_HZ) & ~lines.any(axis=0)
+    if len(windows) < noise_windows.LEAST_WINDOWS or min(np.count_nonzero(chosen), np.count_nonzero(quick)) < 3:
+        return False
+    densities = windows.densities(values)
+    power, white = densities[:, chosen], np.median(densities[:, quick] / np.median(densities[:, quick], axis=0), axis=1)
+    logs = np.log(np.mean(power / np.median(power, axis=0), axis=1) / white)
+    variance = float(polygamma(1, SHAPE_PER_BIN * np.count_nonzero(chosen))) + RESTLESS**2
+    squares = float(np.sum((logs - logs.mean()) ** 2)) / variance
+    return bool(gammaincc(0.5 * (len(logs) - 1), 0.5 * squares) < CHANCE)
+
+
 def without_low(bands: list[Band], from_hz: float) -> list[Band]:
     """Without the secondary axis' low bands: in phase the rate's own are better, and in quadrature nothing but slow content is found there."""
     return [band for band in bands if band.channel not in (*SECONDARY, *FORCES) or band.low_hz > from_hz]
@@ -155,15 +177,17 @@ def _filled(tap: Tap, channel: str) -> np.ndarray:
     return values if sound.all() else np.interp(tap.time_s, tap.time_s[sound], values[sound])
 
 
-def _bands(group: Windows, channel: str, values: np.ndarray, amplitude: float, model: FloorModel, lines: np.ndarray) -> list[Band]:
-    densities, pickoff = np.where(lines, np.nan, group.densities(values)), Pickoff.of(model.device)
+def _bands(group: Windows, channel: str, values: np.ndarray, amplitude: float, model: FloorModel, lines: np.ndarray,
+           level: np.ndarray | None = None) -> list[Band]:
+    level = np.ones(len(group)) if level is None else level
+    densities, pickoff = np.where(lines, np.nan, group.densities(values)) / level[:, None], Pickoff.of(model.device)
     white = model.of_white(channel)
     answers = {name: group.leaked(answer) for name, answer in _answers(channel, amplitude, model, white).items()}
     wander = group.leaked(model.of_wander(channel)) * (amplitude / model.calibration.amplitude_set_point_fs) ** 2
     white = group.leaked(white)
     keep = _without_lines(densities, white) & (white > LEAST_SENSITIVITY * white.max() * (channel in PRIMARY))
     bins = np.arange(1, len(white) + 1)
-    smoother = replace(group, order=group.order + 2).densities(values)
+    smoother = replace(group, order=group.order + 2).densities(values) / level[:, None]
     found = []
     for low, high in zip(*_edges(group.length)):
         chosen = (bins > low) & (bins < high) & keep
