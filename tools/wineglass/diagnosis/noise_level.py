@@ -43,6 +43,8 @@ BURIED = 300.0
 """height of a line whose sides move noise's level"""
 ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermometer_quantisation")
 """effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
+ALIKE = 4.0
+"""nats: something unknown need not raise both quadratures of an axis alike"""
 FORM_ERROR = 0.4
 """relative, of a band: by which an effect's spectrum may be of another form than its model; what misses the spectrum by more is not it, however loud it is"""
 STALE_S, DECAYS = 0.5, 16.0
@@ -324,6 +326,8 @@ class _Looks:
         if chosen & {"excess_noise", OTHER} or self._raises_anything(chosen):
             steady = self.spectral.log_evidence[(chosen - {"excess_noise", OTHER}) & frozenset(noise_spectra.EFFECTS)]
             found = max(found, steady - 1.0) + changing if changing > 0.0 else found  # what is there in the warmth alone hardly raises a mean
+        if changing > 0.0 and OTHER in chosen and "excess_noise" not in chosen:
+            found -= ALIKE
         top = max(self.spectral.log_evidence.values()) + changing
         allowed = 0.5 * FORM_ERROR**2 * sum(band.shape for band in self.spectral.bands)
         return min(_bounded(max(found, -20.0)), _bounded(top) - _bounded(max(0.0, top - found - allowed)))
