@@ -18,7 +18,7 @@ MOST_KEPT = 0.4  # of what is left in the channel that gains most from a bent la
 
 def bent(closer: Closer, closed: Closed) -> Closed:
     """The explanation with as many of its effects bent as are worth it, the most rewarding first; itself, if none is."""
-    while np.any(_excess(closer, closed, _per_frame(closer, closed)) > 0.0):
+    while leaves(closer, closed):
         best = max((_gain(closer, closed, forms) for forms in _left_out(closer, closed)), key=lambda found: found[0], default=None)
         if best is None or best[0] < LEAST_GAIN:
             break
@@ -31,6 +31,11 @@ def bent(closer: Closer, closed: Closed) -> Closed:
             break
         closed = followed
     return closed
+
+
+def leaves(closer: Closer, closed: Closed) -> bool:
+    """Is more left than noise in any channel?"""
+    return bool(np.any(_excess(closer, closed, _per_frame(closer, closed)) > 0.0))
 
 
 def _left_out(closer: Closer, closed: Closed) -> list[list[Unknown]]:

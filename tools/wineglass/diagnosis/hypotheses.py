@@ -20,7 +20,7 @@ TRACED = frozenset({"thermometer_quantisation", "firmware_mismatch"})
 """Effects that move slow channels, too, but never without a trace in noise, lines, events or codes: where that was looked for and not found,
 they are not it."""
 UNSEEN = -20.0
-HINTED, UNHINTED = frozenset({"vibration"}), -4.0
+HINTED, UNHINTED = frozenset({"vibration"}), -8.0
 """Effects that usually leave a line: where lines were looked at and there is none, a steady bias is more likely something else's."""
 CREDIBLE = 0.95
 SETTLED = 0.8

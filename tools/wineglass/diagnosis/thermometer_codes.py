@@ -25,7 +25,8 @@ LEAST_SAMPLES = 200
 
 @dataclass(frozen=True)
 class Steps:
-    """step_degc: the greatest step that fits; levels: different readings at which the temperature stood still; share: of them on its multiples"""
+    """step_degc: the greatest step that fits; levels: readings, more than half of the thermometer's own code apart, at which the temperature stood still; share:
+    of them on its multiples"""
 
     step_degc: float
     share: float
@@ -59,10 +60,10 @@ def find(recording: Recording, device: Device) -> Steps | None:
     distances = np.diff(levels)
     distances = distances[distances > 0.5 * own]
     if len(distances) == 0:
-        return Steps(own, 0.0, len(levels), own)
+        return Steps(own, 0.0, 1, own)
     step, share = _refined(levels, float(np.median(distances)), own)
     near = float(np.mean(np.abs(distances / step - 1.0) < 2.0 * _tolerance(step, own)))
-    return Steps(step, share, len(levels), own, near)
+    return Steps(step, share, 1 + len(distances), own, near)
 
 
 def _standing(readings: np.ndarray, own: float) -> np.ndarray:

@@ -14,14 +14,13 @@ import numpy as np
 
 from wineglass import effects
 from wineglass.device import Device
-from wineglass.diagnosis import changes, channels, drive, explain, floors, noisy, responses, standing, system
+from wineglass.diagnosis import changes, channels, drive, explain, floors, forms, noisy, responses, standing, system
 from wineglass.diagnosis.beside import LARGEST, beside
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError, possible
 from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.explain import Explained, Support
 from wineglass.diagnosis.floors import Floor
-from wineglass.diagnosis.forms import bent
 from wineglass.diagnosis.noise_level import NoiseEvidence
 from wineglass.diagnosis.responses import Bench, Responses
 from wineglass.diagnosis.standing import Standing
@@ -141,9 +140,11 @@ def _explained(there: Standing, base: Frames, nominal: Bench, setting: _Setting,
         places = [lambda: (there.bench, base), lambda: (nominal, _frames_of(nominal, there, base))]
         look, followed = _from_singles(places, setting, without, advance)
     look = look or _look(there.bench, base, setting, without, advance)
-    while not look.settled and len(followed) < LOOKS and (best := look.promising(followed)) is not None:
+    spent = 1 if followed else 0
+    while not look.settled and spent < LOOKS and (best := look.promising(followed)) is not None:
         look = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), setting, without, advance) or look
         followed.add(best.support)
+        spent += 1
     return look
 
 
@@ -254,23 +255,47 @@ def _look(bench: Bench, base: Frames, setting: _Setting, without: frozenset[str]
     table = system.products(built, columns, np.pad(found.centre, (0, len(columns) - len(found.centre))))
     counts = {effect: len(variants) for effect, variants in found.variants.items()}
     closer = Closer(bench, built, found, setting.pick)
-    closed = {}
+    closed = _closed(closer, columns, table, counts, known, largest, settled, bend)
+    advance()
+    weighed, softening, none = _weighed(built, _with_parts(closer, closed), table, found, counts)
+    return _Look(bench, base, found, built, table, none, weighed, softening, settled)
+
+
+def _closed(closer: Closer, columns: np.ndarray, table: system.Products, counts: dict[str, int], known: tuple[Closed, Standing] | None, largest: int,
+            settled: bool, bend: bool) -> list[Closed]:
+    """Explanations, one for each set of effects. Laws bend of the one that was followed, where it leaves more than noise, and of others where all do. The rest
+    as for `_look`."""
+    found, closed = closer.responses, dict[Support, Closed]()
     if known is not None:
         best, there = known
         assert there.jacobian is not None
-        again = bent(closer, closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian))
-        again.weigh(np.ones(len(built.names)), len(found.nuisances), counts)
-        more = [] if settled else beside(closer, again, found, columns, counts)
-        closed = {again.support: again} | {entry.support: entry for entry in more}
+        followed = closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian)
+        closed = _with_one_more(closer, followed, columns, counts, settled)
     for entry in _worth_closing(_ranked(table, found), len(found.nuisances)) if largest else []:
         if entry.support not in closed and len(entry.support) <= largest:
             with suppress(NoNumbersError):
                 closed[entry.support] = closer.close(entry)
-    for entry in sorted(closed.values(), key=closer.cost_of)[: BENT if bend else 0]:
-        closed[entry.support] = bent(closer, entry)
-    advance()
-    weighed, softening, none = _weighed(built, _with_parts(closer, list(closed.values())), table, found, counts)
-    return _Look(bench, base, found, built, table, none, weighed, softening, settled)
+    order = sorted(closed.values(), key=closer.cost_of)[:BENT]
+    own = [closed[known[0].support]] if known is not None else []
+    all_leave = bool(order) and forms.leaves(closer, order[0])
+    for straight in {entry.support: entry for entry in [*own, *(order if all_leave else [])]}.values() if bend else []:
+        bent = forms.bent(closer, straight)
+        if bent is not straight:
+            more = known is not None and bent.support == known[0].support
+            closed |= _cheapest(closer, closed, _with_one_more(closer, bent, columns, counts, settled or not more))
+    return list(closed.values())
+
+
+def _cheapest(closer: Closer, so_far: dict[Support, Closed], more: dict[Support, Closed]) -> dict[Support, Closed]:
+    """Of the latter those that are new, or better."""
+    return {support: entry for support, entry in more.items() if support not in so_far or closer.cost_of(entry) < closer.cost_of(so_far[support])}
+
+
+def _with_one_more(closer: Closer, closed: Closed, columns: np.ndarray, counts: dict[str, int], settled: bool) -> dict[Support, Closed]:
+    """An explanation, and what it is with one more effect beside it."""
+    closed.weigh(np.ones(len(closer.system.names)), len(closer.responses.nuisances), counts)
+    more = [] if settled else beside(closer, closed, closer.responses, columns, counts)
+    return {entry.support: entry for entry in [closed, *more]}
 
 
 @dataclass(frozen=True)

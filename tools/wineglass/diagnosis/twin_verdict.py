@@ -21,8 +21,9 @@ from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, s
 
 COMPUTED_BY = "full twin with the effects added, firmware in the loop"
 UNKNOWN_ABOVE = 0.5
+NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of it
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
-ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.9, 0.95  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
+ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.965, 0.98  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
 PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
 SHAKEN = 5.0  # floors: what a line, noise or events that are named may leave in means, and nothing else need explain
 PLACES = {"primary_in_phase": ("primary", "level"), "primary_quadrature": ("primary", "quadrature"), "drive_frequency": ("primary", "frequency"),
@@ -106,13 +107,13 @@ def _by_traces_alone(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvide
 
 
 def _beside_unknown(outcome: Outcome, weighed: Hypotheses, removed: float | None, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
-    """What something unknown is beside may be its doing: effects are believed as the square of what they remove, and named if that is more than not. What
+    """What something unknown is beside may be its doing: effects are believed as the square of what they remove, and named if that is most likely. What
     noise, lines, events or codes have named stands without that, but for a bias that wanders."""
     if outcome.verdict != "unknown" or removed is None:
         return outcome, weighed
     traced = frozenset(noise.named if noise is not None else ()) - {"flicker_noise"}
     weighed = hypotheses.doubted(weighed, traced, min(1.0, max(0.0, removed)) ** 2)
-    named = tuple(e for e in (outcome.named[0] if outcome.named else ()) if weighed.marginal(e) > UNKNOWN_ABOVE)
+    named = tuple(e for e in (outcome.named[0] if outcome.named else ()) if weighed.marginal(e) > NAMED_BESIDE)
     chosen = outcome.chosen if outcome.chosen is not None and set(named) & set(outcome.chosen.support) else None
     return Outcome("unknown", [named] if named else [], chosen), weighed
 
