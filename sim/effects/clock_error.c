@@ -13,7 +13,7 @@ const struct effect effect_clock_error = {
     .equation = "sample rate -> (1 + e + s t + d time) times",
     .appearance = "drive frequency lower by as much; everything else to within the same ppm",
     .parameter = {
-        {"error_ppm", "ppm", EFFECT_STRENGTH, 0.0, -500.0, 500.0, 20.0, "a plain quartz oscillator"},
+        {"error_ppm", "ppm", EFFECT_STRENGTH, 0.0, -1e4, 1e4, 20.0, "a plain quartz oscillator; bound: a trimmed RC one"},
         {"slope_ppm_per_degc", "ppm/degC", EFFECT_STRENGTH, 0.0, -10.0, 10.0, 0.1, "the slope of its curve away from the turning point"},
         {"drift_ppm_per_h", "ppm/h", EFFECT_STRENGTH, 0.0, -1000.0, 1000.0, 1.0, "an oscillator that warms up"},
     },

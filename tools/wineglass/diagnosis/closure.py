@@ -21,6 +21,7 @@ from wineglass.errors import BadInput
 RUNS, FEW_RUNS, HOPELESS = 40, 10, 2.0  # HOPELESS: times the cost of the best explanation
 SLOW = 0.4  # share of what the linear system promised that a good step keeps; after a worse one the Jacobian is computed anew
 ENOUGH = 0.3  # nats promised: then it is closed
+NO_STEP = 1e-24  # of spreads, squared: of so little no slope can be learnt
 NEGLIGIBLE = 1e-4  # of a prior's spread
 SHAPE_STEP, STRENGTH_STEP = 0.05, 0.005
 NEIGHBOURS = 2  # moments of the linear pass, on either side, between which a step is looked for
@@ -308,7 +309,7 @@ def differences(bench: Bench, pick: list[int], unknowns: list[Unknown], values: 
 def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change: np.ndarray) -> np.ndarray:
     """The least change of the Jacobian (k, channels, n) that predicts the last change of the response."""
     length = float(step @ step)
-    if length == 0.0:
+    if length < NO_STEP:
         return jacobian
     missing = change - np.einsum("kcn,k->cn", jacobian, step * spread)
     return jacobian + (step / length / spread)[:, None, None] * missing[None]

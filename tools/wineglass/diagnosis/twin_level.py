@@ -156,6 +156,10 @@ class _Start:
     standing: Standing
     left: np.ndarray
 
+    @property
+    def possible(self) -> bool:
+        return possible(self.standing.unknowns, self.standing.values)
+
 
 def _frames_of(described: Bench, there: Standing, base: Frames) -> Frames:
     """The full twin's frames of the described unit: run again, where another one is too far from it for the envelope twin to say the difference."""
@@ -170,10 +174,10 @@ def _from_singles(places: list[Callable[[], tuple[Bench, Frames]]], setting: _Se
     starts: list[_Start] = []
     for place in places:
         starts += _starts(*place(), setting, without, advance)
-        if any(np.max(start.left) < QUIET_ENOUGH for start in starts):
+        if any(start.possible and np.max(start.left) < QUIET_ENOUGH for start in starts):
             break
     best, followed = None, set[Support]()
-    for start in sorted(starts, key=lambda start: float(np.sum(start.left))):
+    for start in sorted(starts, key=lambda start: (not start.possible, float(np.sum(start.left)))):
         if len(followed) == FOLLOWED or (best is not None and (best.settled or best.least < NEARLY_ALL)):
             break
         if start.closed.support in followed:
@@ -192,8 +196,7 @@ def _starts(bench: Bench, frames: Frames, setting: _Setting, without: frozenset[
         start = Standing(bench, entry.unknowns, entry.values, entry.jacobian)
         with suppress(BadInput):  # closed where the twin refused a little more
             there, near = standing.roughly(start, setting, standing.with_effects(start, frames))
-            if possible(there.unknowns, there.values):
-                yield _Start(entry, there, standing.energy_left(there, setting, near))
+            yield _Start(entry, there, standing.energy_left(there, setting, near))
 
 
 def _followed(closed: Closed, start: Standing, setting: _Setting, without: frozenset[str], advance: Callable[[], None]) -> _Look | None:
