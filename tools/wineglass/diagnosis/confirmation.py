@@ -11,9 +11,10 @@ from wineglass.diagnosis.changes import Change
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.explain import posterior_mean
+from wineglass.diagnosis.looks import FREEDOM
 from wineglass.diagnosis.system import FOLDS, Products, products
 from wineglass.diagnosis.standing import Standing
-from wineglass.diagnosis.twin_level import FREEDOM, TwinAnalysis
+from wineglass.diagnosis.twin_level import TwinAnalysis
 
 DECIMALS, NOTHING = 0.05, 0.005  # of a value, of its prior's spread: what a linear system may still correct about a run of the full twin
 TOLERATED = 3.0  # standard deviations: further off than that is no tolerance

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from wineglass.device import Device
-from wineglass.diagnosis import hypotheses, noise_level, soundness, twin_level, twin_verdict
+from wineglass.diagnosis import channels, hypotheses, noise_level, soundness, twin_level, twin_verdict
 from wineglass.diagnosis.evidence import file_hash
 from wineglass.diagnosis.hypotheses import Hypotheses
 from wineglass.diagnosis.noise_level import NoiseEvidence
@@ -35,7 +35,7 @@ def applies(recording: Recording, device: Device | None) -> bool:
     if device is None or "baseband" not in recording:
         return False
     tap = recording.tap("baseband")
-    return all(name in tap for name in NEEDED) and twin_level.channels.grid_of(recording).count >= LEAST_FRAMES
+    return all(name in tap for name in NEEDED) and channels.grid_of(recording).count >= LEAST_FRAMES
 
 
 def examine(path: Path, device: str | Path | None = None, advance: Callable[[], None] = lambda: None,

@@ -1,0 +1,118 @@
+"""Explanations are followed on the full twin, together with the unit, until one leaves no gap or nothing better is in sight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wineglass.diagnosis import changes, looks, responses, standing
+from wineglass.diagnosis.beside import LARGEST
+from wineglass.diagnosis.channels import Frames
+from wineglass.diagnosis.closure import Closed, NoNumbersError, possible
+from wineglass.diagnosis.explain import Support
+from wineglass.diagnosis.looks import ORDINARY, Look, strain
+from wineglass.diagnosis.responses import Bench
+from wineglass.diagnosis.standing import Standing
+from wineglass.diagnosis.task import Task
+from wineglass.diagnosis.unit import FARTHEST
+from wineglass.errors import BadInput
+
+FAR_OFF = 2.0  # standard deviations
+FOLLOWED, NEARLY_ALL = 3, 3.0  # single effects, until one leaves so little energy per frame in every channel
+QUIET_ENOUGH, STARTS = 1.5, 2  # energy per frame and channel that tolerances may leave; single effects to begin with
+LOOKS = 3  # explanations that are followed one after the other
+
+
+def last_look(there: Standing, base: Frames, nominal: Bench, task: Task) -> Look:
+    """there: the unit that the recording asks for, base: the full twin's frames of it; nominal: the described one."""
+    return _explained(there, base, nominal, task) if _has_a_gap(there, base, task) else looks.look(there.bench, base, task, largest=0)
+
+
+def _has_a_gap(there: Standing, frames: Frames, task: Task) -> bool:
+    """Is any channel further from the full twin on held-out data than its floor? Where none is there is nothing (more) to explain."""
+    built = task.system(there.bench, frames)
+    wandering = responses.wandering([name for name, _ in there.slopes])
+    left = np.array([task.recorded[name] - frames[name] for name in built.names])
+    left = left - changes.folded(built, standing.linear(there, task, built), np.ones(len(built.names)), there.columns(task.pick), wandering, FARTHEST)
+    return changes.changes(built, left, left)[1].fraction is not None
+
+
+def _explained(there: Standing, base: Frames, nominal: Bench, task: Task) -> Look:
+    """After the best explanations were followed on the full twin."""
+    look, followed = None, set()
+    if float(np.max(standing.energy_left(there, task, base))) >= QUIET_ENOUGH:
+        places = [lambda: (there.bench, base), lambda: (nominal, _frames_of(nominal, there, base))]
+        look, followed = _from_singles(places, task)
+    look = look or looks.look(there.bench, base, task)
+    spent = 1 if followed else 0
+    while not look.settled and spent < LOOKS and (best := look.promising(followed)) is not None:
+        look = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), task) or look
+        followed.add(best.support)
+        spent += 1
+    return look
+
+
+@dataclass(frozen=True)
+class _Start:
+    """An explanation, where it is to be followed from, and what the envelope twin says that it leaves (channels,)."""
+
+    closed: Closed
+    standing: Standing
+    left: np.ndarray
+
+    @property
+    def possible(self) -> bool:
+        return possible(self.standing.unknowns, self.standing.values)
+
+
+def _frames_of(described: Bench, there: Standing, base: Frames) -> Frames:
+    """The full twin's frames of the described unit: run again, where another one is too far from it for the envelope twin to say the difference."""
+    far = float(np.max(np.abs(there.bench.unit.off), initial=0.0)) >= FAR_OFF
+    return standing.run(Standing(described)) if far else standing.at_bench(there, base, described)
+
+
+def _from_singles(places: list[Callable[[], tuple[Bench, Frames]]], task: Task) -> tuple[Look | None, set[Support]]:
+    """The look that leaves least after a single effect was followed on the full twin, and which were. places: units with the full twin's frames there, so that
+    what the envelope misses favours none: the unit that the recording asks for, and the described one, because a unit that has taken on a gap hides its cause."""
+    starts: list[_Start] = []
+    for place in places:
+        starts += _starts(*place(), task)
+        if any(start.possible and np.max(start.left) < QUIET_ENOUGH for start in starts):
+            break
+    best, followed = None, set[Support]()
+    for start in sorted(starts, key=lambda start: (not start.possible, float(np.sum(start.left)))):
+        if len(followed) == FOLLOWED or (best is not None and (best.settled or best.least < NEARLY_ALL)):
+            break
+        if start.closed.support in followed:
+            continue
+        followed.add(start.closed.support)
+        look = _followed(start.closed, start.standing, task)
+        if look is not None and (best is None or look.settled or look.least < best.least):
+            best = look
+    return best, followed
+
+
+def _starts(bench: Bench, frames: Frames, task: Task) -> Iterator[_Start]:
+    look = looks.look(bench, frames, task, largest=1, bend=False)
+    ordinary = sorted(look.closed, key=lambda closed: strain(closed.entry, len(look.found.nuisances)))[:ORDINARY]
+    for entry in {closed.support: closed for closed in [*look.closed[:STARTS], *ordinary]}.values():
+        start = Standing(bench, entry.unknowns, entry.values, entry.jacobian)
+        with suppress(BadInput):  # closed where the twin refused a little more
+            there, near = standing.roughly(start, task, standing.with_effects(start, frames))
+            yield _Start(entry, there, standing.energy_left(there, task, near))
+
+
+def _followed(closed: Closed, start: Standing, task: Task) -> Look | None:
+    """All explanations, about where the full twin puts this one; where it leaves no gap no sets are asked for that hold more. None: the full twin refuses it."""
+    try:
+        found = standing.exactly(start, task)
+        there, frames = found.standing, found.frames
+        settled = not _has_a_gap(there, frames, task)
+        base = standing.without_effects(there, frames)
+        look = looks.look(there.bench, base, task, (closed, there), largest=1 if settled else LARGEST, settled=settled)
+        return replace(look, ran=found.ran)
+    except (BadInput, NoNumbersError):
+        return None

@@ -1,0 +1,198 @@
+"""One look at a recording: all explanations about one unit, closed on the envelope twin, laws bent where that is worth it, and weighed."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from wineglass import effects
+from wineglass.diagnosis import explain, forms, responses, system
+from wineglass.diagnosis.beside import LARGEST, beside
+from wineglass.diagnosis.channels import Frames
+from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
+from wineglass.diagnosis.explain import Explained, Support
+from wineglass.diagnosis.responses import Bench, Responses
+from wineglass.diagnosis.standing import Standing
+from wineglass.diagnosis.system import System
+from wineglass.diagnosis.task import Task
+
+CLOSED_SINGLES, CLOSED_SETS = 4, 3
+ORDINARY = 3  # single effects beside which the unit is least off its description
+BENT = 4  # explanations, the best first, whose forms may bend
+PARTED = 1  # sets of each size that are also tried without each of their effects
+LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
+SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
+LOOK_AGAIN, BETTER = 50.0, 3.0  # nats over no effect, and over what was followed, from which on an explanation is followed on the full twin
+MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
+FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
+
+
+@dataclass(frozen=True)
+class Look:
+    """All explanations about one bench: base: the twin's frames there without effects; softening (channels,); closed: the best first; settled: the one that
+    was followed leaves no gap; ran: where the full twin was run with it, and its frames."""
+
+    bench: Bench
+    base: Frames
+    found: Responses
+    system: System
+    table: system.Products
+    none: Explained
+    closed: list[Closed]
+    softening: np.ndarray
+    settled: bool
+    ran: tuple[Standing, Frames] | None = None
+
+    def over_none(self, closed: Closed) -> float:
+        return closed.entry.log_evidence + closed.entry.log_generic - self.none.log_evidence - self.none.log_generic
+
+    @property
+    def least(self) -> float:
+        """Energy per frame in the channel where the best explanation leaves most."""
+        per_frame = [float(np.max(entry.entry.left / np.maximum(self.system.n_rows, 1))) for entry in self.closed]
+        return min(per_frame, default=np.inf)
+
+    def promising(self, followed: set[Support]) -> Closed | None:
+        """What to follow on the full twin next: of all single effects the one that leaves least; then what does better than that."""
+        able = [entry for entry in self.closed if self.over_none(entry) > LOOK_AGAIN]
+        if not followed:
+            return min(able, key=lambda entry: (len(entry.support), float(np.sum(entry.entry.left))), default=None)
+        so_far = max((self.over_none(entry) for entry in self.closed if entry.support in followed), default=-np.inf)
+        best = able[0] if able and self.over_none(able[0]) > so_far + BETTER else None
+        return None if best is None or best.support in followed else best
+
+
+def look(bench: Bench, base: Frames, task: Task, known: tuple[Closed, Standing] | None = None, largest: int = LARGEST, settled: bool = False,
+         bend: bool = True) -> Look:
+    """base: the twin's frames at the bench's unit, without effects. known: an explanation, and where it stands about this bench; settled: it leaves no gap.
+    largest: set of effects that is closed; bend: laws may, where that is worth it."""
+    found = responses.respond(bench, task.without if largest else frozenset(effect.id for effect in effects.catalogue()), bend=bend)
+    task.advance()
+    built = task.system(bench, base, unknown=True)
+    columns = built.whiten(found.values[:, task.pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
+    table = system.products(built, columns, np.pad(found.centre, (0, len(columns) - len(found.centre))))
+    counts = {effect: len(variants) for effect, variants in found.variants.items()}
+    closer = Closer(bench, built, found, task.pick)
+    closed = _closed(closer, columns, table, counts, known, largest, settled, bend)
+    task.advance()
+    weighed, softening, none = _weighed(built, _with_parts(closer, closed), table, found, counts)
+    return Look(bench, base, found, built, table, none, weighed, softening, settled)
+
+
+def _closed(closer: Closer, columns: np.ndarray, table: system.Products, counts: dict[str, int], known: tuple[Closed, Standing] | None, largest: int,
+            settled: bool, bend: bool) -> list[Closed]:
+    """Explanations, one for each set of effects. Laws bend of the one that was followed, where it leaves more than noise, and of others where all do. The rest
+    as for `look`."""
+    found, closed = closer.responses, dict[Support, Closed]()
+    if known is not None:
+        best, there = known
+        assert there.jacobian is not None
+        followed = closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian)
+        closed = _with_one_more(closer, followed, columns, counts, settled)
+    for entry in _worth_closing(_ranked(table, found), len(found.nuisances)) if largest else []:
+        if entry.support not in closed and len(entry.support) <= largest:
+            with suppress(NoNumbersError):
+                closed[entry.support] = closer.close(entry)
+    order = sorted(closed.values(), key=closer.cost_of)[:BENT]
+    own = [closed[known[0].support]] if known is not None else []
+    all_leave = bool(order) and forms.leaves(closer, order[0])
+    for straight in {entry.support: entry for entry in [*own, *(order if all_leave else [])]}.values() if bend else []:
+        bent = forms.bent(closer, straight)
+        if bent is not straight:
+            more = known is not None and bent.support == known[0].support
+            closed |= _cheapest(closer, closed, _with_one_more(closer, bent, columns, counts, settled or not more))
+    return list(closed.values())
+
+
+def _cheapest(closer: Closer, so_far: dict[Support, Closed], more: dict[Support, Closed]) -> dict[Support, Closed]:
+    """Of the latter those that are new, or better."""
+    return {support: entry for support, entry in more.items() if support not in so_far or closer.cost_of(entry) < closer.cost_of(so_far[support])}
+
+
+def _with_one_more(closer: Closer, closed: Closed, columns: np.ndarray, counts: dict[str, int], settled: bool) -> dict[Support, Closed]:
+    """An explanation, and what it is with one more effect beside it."""
+    closed.weigh(np.ones(len(closer.system.names)), len(closer.responses.nuisances), counts)
+    more = [] if settled else beside(closer, closed, closer.responses, columns, counts)
+    return {entry.support: entry for entry in [closed, *more]}
+
+
+def _ranked(table: system.Products, found: Responses) -> explain.Ranking:
+    """What forms are worth depends on how much is explained, and the other way round: three rounds settle it."""
+    softening = np.ones(len(table.generic))
+    for _ in range(3):
+        ranking = explain.rank(table, found, softening)
+        best = ranking.entries[0]
+        softening = explain.softening_of(ranking.none, best)
+    return ranking
+
+
+def _worth_closing(ranking: explain.Ranking, nuisances: int) -> list[Explained]:
+    """The best single effects, those beside which the unit is an ordinary one, and the best sets."""
+    def over_none(entry: Explained) -> float:
+        return entry.log_evidence + entry.log_generic - ranking.none.log_evidence - ranking.none.log_generic
+
+    able = [entry for entry in ranking.entries if over_none(entry) > LEAST_EVIDENCE]
+    singles, sets = [entry for entry in able if len(entry.support) == 1], [entry for entry in able if len(entry.support) > 1]
+    ordinary = sorted(singles, key=lambda entry: strain(entry, nuisances))[:ORDINARY]
+    return [*singles[:CLOSED_SINGLES], *(entry for entry in ordinary if entry not in singles[:CLOSED_SINGLES]), *sets[:CLOSED_SETS]]
+
+
+def strain(entry: Explained, nuisances: int) -> float:
+    """How far from its description a unit has to be beside an explanation: half the energy of its priors."""
+    return 0.5 * float(np.sum(entry.coefficients[:nuisances] ** 2))
+
+
+def _with_parts(closer: Closer, closed: list[Closed]) -> list[Closed]:
+    """Also what the best sets are without each of their effects: the linear pass may have needed help that the closed one does not."""
+    found = {entry.support: entry for entry in closed}
+
+    def cost(entry: Closed) -> float:
+        return closer.cost_of(entry)
+
+    for size in (3, 2):
+        sets = sorted((entry for entry in found.values() if len(entry.support) == size), key=cost)[:PARTED]
+        for entry in sets:
+            for effect in entry.support:
+                try:
+                    part = closer.without(entry, effect)
+                except NoNumbersError:
+                    continue
+                if part.support not in found or cost(part) < cost(found[part.support]):
+                    found[part.support] = part
+    return list(found.values())
+
+
+def _weighed(built: System, closed: list[Closed], table: system.Products, found: Responses, counts: dict[str, int]
+             ) -> tuple[list[Closed], np.ndarray, Explained]:
+    """Evidence of all closures: noise as large as the best one leaves it, forms believed as far as the simplest good one earns it."""
+    nuisances = len(found.nuisances)
+    ones = np.ones(len(table.generic))
+    none = explain.explained(table, ones, nuisances, [], (), 0.0)
+    for entry in closed:
+        entry.weigh(ones, nuisances, counts)
+    best = min(closed, key=lambda c: float(np.sum(c.entry.left)), default=None)
+    noise = np.maximum(1.0, built.noise_left(built.data if best is None else built.data - built.whiten(best.response))) ** 2
+    softening = _earned(closed, none) * noise
+    none = explain.explained(table, softening, nuisances, [], (), 0.0)
+    for entry in closed:
+        entry.weigh(softening, nuisances, counts)
+    return sorted(closed, key=lambda c: -(c.entry.log_evidence + c.entry.log_generic)), softening, none
+
+
+def _earned(closed: list[Closed], none: Explained) -> np.ndarray:
+    """(channels,): 1 + what the simplest good explanation leaves in a channel beyond noise, over the freedom of a wrong form."""
+    if not closed:
+        return np.ones(len(none.left))
+    least = np.min([c.entry.left for c in closed], axis=0)
+    whole = float(np.sum(none.left - least))
+    for size in (1, 2, 3):
+        able = [c for c in closed if len(c.support) == size]
+        if not able:
+            continue
+        best = min(able, key=lambda c: float(np.sum(c.entry.left)))
+        if float(np.sum(best.entry.left - least)) <= SIMPLE_ENOUGH**2 * whole or size == 3:
+            break
+    beyond_noise = np.maximum(0.0, best.entry.left - np.minimum(least, best.entry.left))
+    return 1.0 + beyond_noise / FREEDOM + MODEL**2 * np.maximum(0.0, none.left - best.entry.left)
