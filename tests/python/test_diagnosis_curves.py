@@ -8,6 +8,7 @@ from scipy.interpolate import BSpline
 
 from wineglass import effects, paths
 from wineglass.diagnosis import curves
+from wineglass.diagnosis.contract import EffectFound, Parameter
 
 pytestmark = pytest.mark.skipif(not (paths.build_folder() / "lib").is_dir(), reason="the C library is not built")
 
@@ -29,3 +30,15 @@ def test_weights_are_those_of_a_cubic_spline() -> None:
 def test_only_points_near_the_shells_temperatures_are_seen() -> None:
     found = [curves.temperature_of(p.name) for p in curves.seen(effects.find("pickoff_gain"), np.array([12.0, 18.0, 33.0]))]
     assert found == [10.0, 20.0, 30.0, 40.0]
+
+
+def test_a_curve_is_told_in_a_line() -> None:
+    def number(name: str, value: float) -> Parameter:
+        return Parameter(name=name, value=value, interval=(value - 1.0, value + 1.0), unit="1")
+
+    plain = [number("gain", 0.5), number("slope_per_degc", 0.25)]
+    bent = [*plain, number("curve_minus_10_degc", -2.0), number("curve_0_degc", 3.0), number("curve_10_degc", 1.0)]
+    found = [EffectFound(id="pickoff_gain", stage="pickoff", confidence=1.0, share=1.0, parameters=numbers) for numbers in (plain, bent)]
+    assert curves.parted(found[0]) == (plain, "")
+    assert curves.parted(found[1])[0] == plain
+    assert curves.parted(found[1])[1] == "and a curve over temperature, -10 to 10 degC: 3 control points of -2 to 3, each in the JSON"

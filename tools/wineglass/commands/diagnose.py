@@ -134,6 +134,8 @@ def _page(args: argparse.Namespace, view: View) -> str:
 
 def _print(diagnosis: Diagnosis, args: argparse.Namespace, console: Console) -> None:
     """A dozen lines."""
+    from wineglass.diagnosis import curves
+
     console.print(f"verdict: {diagnosis.verdict}")
     console.print(diagnosis.sentence)
     if diagnosis.where:
@@ -142,8 +144,9 @@ def _print(diagnosis: Diagnosis, args: argparse.Namespace, console: Console) -> 
     for hypothesis in diagnosis.hypotheses[:4]:
         console.print(f"  {hypothesis.probability:5.1%}  {' with '.join(hypothesis.ids)}")
     for effect in diagnosis.effects[:3]:
-        numbers = ", ".join(f"{p.name} {p.value:.3g} [{p.interval[0]:.3g}, {p.interval[1]:.3g}] {p.unit}" for p in effect.parameters)
-        console.print(f"  {effect.id} (confidence {effect.confidence:.2f}): {numbers}")
+        plain, curve = curves.parted(effect)
+        numbers = [f"{p.name} {p.value:.3g} [{p.interval[0]:.3g}, {p.interval[1]:.3g}] {p.unit}" for p in plain]
+        console.print(f"  {effect.id} (confidence {effect.confidence:.2f}): {', '.join([*numbers, *([curve] if curve else [])])}")
     for channel in sorted(diagnosis.shrink.channels, key=lambda c: -c.before / max(c.floor, 1e-300))[:3]:
         line = f"{channel.channel}: {channel.before:.3g} -> {channel.after:.3g} {channel.unit}, floor {channel.floor:.3g}"
         console.print(line + ("" if channel.fraction is None else f": {channel.fraction:.0%} of the gap removed; {diagnosis.shrink.held_out}"))

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from wineglass.diagnosis.contract import EffectFound
+from wineglass.diagnosis.contract import Parameter as NamedNumber
 from wineglass.effects import Effect, Parameter
 
 PREFIX, SUFFIX, SPACING_DEGC = "curve_", "_degc", 10.0
@@ -27,6 +29,18 @@ def seen(effect: Effect, shell_degc: np.ndarray) -> list[Parameter]:
     """Control points of which a recording can show something. shell_degc (n,): where the shell has been."""
     low, high = float(np.min(shell_degc)) - SPACING_DEGC, float(np.max(shell_degc)) + SPACING_DEGC
     return [p for p in points(effect) if low < float(temperature_of(p.name) or 0.0) < high]
+
+
+def parted(effect: EffectFound) -> tuple[list[NamedNumber], str]:
+    """An effect's numbers for people: all but a curve's, and what the curve is in words; '' without one."""
+    curve = {degc: p for p in effect.parameters if (degc := temperature_of(p.name)) is not None}
+    if not curve:
+        return list(effect.parameters), ""
+    values = [p.value for p in curve.values()]
+    unit = next(iter(curve.values())).unit
+    words = (f"and a curve over temperature, {min(curve):g} to {max(curve):g} degC: {len(curve)} control points of {min(values):.3g} to {max(values):.3g}"
+             f"{'' if unit == '1' else f' {unit}'}, each in the JSON")
+    return [p for p in effect.parameters if p not in curve.values()], words
 
 
 def weight(degc: np.ndarray, point: Parameter) -> np.ndarray:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wineglass.diagnosis import curves
 from wineglass.diagnosis.contract import Hypothesis
 from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER
 from wineglass.report import figures
@@ -22,6 +23,7 @@ def render(view: View) -> str:
                               lstrip_blocks=True)
     environment.filters["short"] = lambda value: f"{value:.3g}"
     environment.filters["percent"] = _percent
+    environment.globals["parted"] = curves.parted
     environment.filters["spoken"] = lambda name: name.replace("_", " ")
     pictures = {} if not view.channels else {
         "time": figures.over_time(view), "map": figures.over_temperature_and_slope(view), "spectrum": figures.spectrum(view),
