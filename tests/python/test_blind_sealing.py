@@ -219,3 +219,9 @@ def test_the_draw_is_repeatable_and_covers_what_it_should():
 def test_shares_add_up_and_no_tier_is_left_out(total):
     found = draw.apportioned(total, draw.SHARES)
     assert len(found) == total and set(found) == set(draw.SHARES)
+
+
+def test_an_answer_that_is_being_written_is_none_yet(tmp_path):
+    (tmp_path / "case_0001.json").write_text(json.dumps({"case": "case_0001"}), encoding="utf-8")
+    (tmp_path / ".case_0002.x1.tmp.json").write_text("", encoding="utf-8")
+    assert results.read(tmp_path) == {"case_0001": {"case": "case_0001"}}

@@ -13,8 +13,8 @@ TABLE = "results.parquet"
 
 
 def read(folder: Path) -> dict[str, dict[str, Any]]:
-    """Answers by case."""
-    found = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("*.json"))]
+    """Answers by case, without what is still being written or was left half written: such a file's name begins with a dot."""
+    found = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(folder.glob("[!.]*.json"))]
     return {one["case"]: one for one in found}
 
 
