@@ -14,7 +14,8 @@ pytestmark = pytest.mark.skipif(not (paths.build_folder() / "lib").is_dir(), rea
 
 
 def test_control_points_are_named_after_their_temperatures() -> None:
-    assert [curves.temperature_of(name) for name in ("curve_minus_40_degc", "curve_0_degc", "curve_110_degc", "slope_per_degc")] == [-40.0, 0.0, 110.0, None]
+    assert [curves.temperature_of(name) for name in ("curve_minus_40_degc", "curve_0_degc", "curve_110_degc")] == [-40.0, 0.0, 110.0]
+    assert curves.is_point("curve_0_degc") and not curves.is_point("slope_per_degc")
     found = [curves.temperature_of(p.name) for p in curves.points(effects.find("cross_damping"))]
     assert found == list(np.arange(-50.0, 121.0, 10.0))
     assert curves.points(effects.find("ageing")) == []

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from linear_bench import LinearBench, ridge, system_of
+from scipy.stats import multivariate_normal
 
 from wineglass import effects, paths
 from wineglass.diagnosis import curves, forms
 from wineglass.diagnosis.channels import Grid
-from wineglass.diagnosis.closure import BENT, Closed, Closer
-from wineglass.diagnosis.explain import Explained, explained, prior_of
+from wineglass.diagnosis.closure import Closed, Closer
+from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.responses import REACH, Column, Responses, Variant
 from wineglass.effects import Setting
 
@@ -70,15 +71,21 @@ def test_noise_and_what_no_form_explains_bend_nothing() -> None:
         assert forms.bent(closer, straight) is straight
 
 
-def test_a_bent_law_is_less_likely_beforehand() -> None:
+def test_evidence_of_a_bent_law_is_a_density_and_a_prior() -> None:
+    """Against one Gaussian density of all data; a law that bends is ten times less likely beforehand."""
     made = Made(3)
-    closer, straight = made.closed(3.0 * made.base + made.bump() + made.noise)
+    data = 3.0 * made.base + made.bump() + made.noise
+    closer, straight = made.closed(data)
     found = forms.bent(closer, straight)
-    weighed = [entry.weigh(np.ones(2), 1, {ID: 1}).entry for entry in (straight, found)]
-    plain = weighed[1].log_evidence - BENT
-    columns = list(range(1, found.products.count))
-    assert plain == pytest.approx(explained(found.products, np.ones(2), 1, columns, found.variants, prior_of(found.variants, {ID: 1})).log_evidence)
-    assert weighed[1].log_evidence > weighed[0].log_evidence
+    known = [made.known, REACH * made.base]
+    curve = [REACH * made.base * curves.weight(SHELL_DEGC, p) for p in made.points]
+    gained = [entry.weigh(np.ones(2), 1, {ID: 1}).entry.log_evidence for entry in (straight, found)]
+    assert gained[1] - gained[0] == pytest.approx(density(data, [*known, *curve]) - density(data, known) + np.log(0.1), abs=0.2)
+
+
+def density(data: np.ndarray, columns: list[np.ndarray]) -> float:
+    flat = np.array(columns).reshape(len(columns), -1)
+    return float(multivariate_normal(np.zeros(data.size), np.eye(data.size) + flat.T @ flat).logpdf(data.ravel()))
 
 
 def test_forms_that_the_recording_cannot_show_are_left_out() -> None:

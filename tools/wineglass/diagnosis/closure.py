@@ -26,7 +26,7 @@ NEGLIGIBLE = 1e-4  # of a prior's spread
 SHAPE_STEP, STRENGTH_STEP = 0.05, 0.005
 NEIGHBOURS = 2  # moments of the linear pass, on either side, between which a step is looked for
 POLAR_ROLES = ("cosine", "sine")
-BENT = float(np.log(0.1))  # prior of an effect whose law is bent
+BENT_PRIOR = float(np.log(0.1))  # of an effect whose law is bent
 MOMENT_S = 2.0  # about the moment that a linear pass found
 
 
@@ -80,7 +80,7 @@ class Closed:
     def weigh(self, softening: np.ndarray, nuisances: int, counts: dict[str, int]) -> Closed:
         columns = list(range(nuisances, self.products.count))
         bent = len({u.effect for u in self.unknowns if u.role == "form"})
-        self.entry = explained(self.products, softening, nuisances, columns, self.variants, prior_of(self.variants, counts) + BENT * bent)
+        self.entry = explained(self.products, softening, nuisances, columns, self.variants, prior_of(self.variants, counts) + BENT_PRIOR * bent)
         return self
 
 

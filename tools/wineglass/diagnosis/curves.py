@@ -12,38 +12,41 @@ from wineglass.effects import Effect, Parameter
 PREFIX, SUFFIX, SPACING_DEGC = "curve_", "_degc", 10.0
 
 
-def temperature_of(name: str) -> float | None:
-    """Where a control point stands [degC]; None: the parameter is none."""
-    if not name.startswith(PREFIX):
-        return None
+def is_point(name: str) -> bool:
+    """Is a parameter of that name a control point?"""
+    return name.startswith(PREFIX)
+
+
+def temperature_of(name: str) -> float:
+    """Where a control point stands [degC]."""
     text = name.removeprefix(PREFIX).removesuffix(SUFFIX)
     return -float(text.removeprefix("minus_")) if text.startswith("minus_") else float(text)
 
 
 def points(effect: Effect) -> list[Parameter]:
     """All control points of an effect's curve; none where its record has no curve."""
-    return [p for p in effect.parameters if temperature_of(p.name) is not None]
+    return [p for p in effect.parameters if is_point(p.name)]
 
 
 def seen(effect: Effect, shell_degc: np.ndarray) -> list[Parameter]:
     """Control points of which a recording can show something. shell_degc (n,): where the shell has been."""
     low, high = float(np.min(shell_degc)) - SPACING_DEGC, float(np.max(shell_degc)) + SPACING_DEGC
-    return [p for p in points(effect) if low < float(temperature_of(p.name) or 0.0) < high]
+    return [p for p in points(effect) if low < temperature_of(p.name) < high]
 
 
 def parted(effect: EffectFound) -> tuple[list[NamedNumber], str]:
     """An effect's numbers for people: all but a curve's, and what the curve is in words; '' without one."""
-    curve = {degc: p for p in effect.parameters if (degc := temperature_of(p.name)) is not None}
+    curve = {temperature_of(p.name): p for p in effect.parameters if is_point(p.name)}
     if not curve:
         return list(effect.parameters), ""
     values = [p.value for p in curve.values()]
     unit = next(iter(curve.values())).unit
     words = (f"and a curve over temperature, {min(curve):g} to {max(curve):g} degC: {len(curve)} control points of {min(values):.3g} to {max(values):.3g}"
              f"{'' if unit == '1' else f' {unit}'}, each in the JSON")
-    return [p for p in effect.parameters if p not in curve.values()], words
+    return [p for p in effect.parameters if not is_point(p.name)], words
 
 
 def weight(degc: np.ndarray, point: Parameter) -> np.ndarray:
     """(n,): how much the curve has of a control point at temperatures (n,)."""
-    off = np.abs(degc - float(temperature_of(point.name) or 0.0)) / SPACING_DEGC
+    off = np.abs(degc - temperature_of(point.name)) / SPACING_DEGC
     return np.where(off < 1.0, (4.0 - 6.0 * off**2 + 3.0 * off**3) / 6.0, np.maximum(2.0 - off, 0.0) ** 3 / 6.0)

@@ -44,8 +44,8 @@ def _left_out(closer: Closer, closed: Closed) -> list[list[Unknown]]:
     found = []
     for effect in closed.support:
         forms = [u for u in forms_of(effect, closer.bench) if (u.effect, u.name) not in taken]
-        curve = [u for u in forms if curves.temperature_of(u.name) is not None]
-        found += [part for part in ([u for u in forms if u not in curve], curve) if part]
+        numbers, curve = [u for u in forms if not curves.is_point(u.name)], [u for u in forms if curves.is_point(u.name)]
+        found += [part for part in (numbers, curve) if part]
     return found
 
 

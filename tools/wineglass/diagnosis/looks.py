@@ -20,7 +20,7 @@ from wineglass.diagnosis.task import Task
 
 CLOSED_SINGLES, CLOSED_SETS = 4, 3
 ORDINARY = 3  # single effects beside which the unit is least off its description
-BENT = 4  # explanations, the best first, whose forms may bend
+MOST_BENT = 4  # explanations, the best first, whose forms may bend
 PARTED = 1  # sets of each size that are also tried without each of their effects
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
@@ -95,14 +95,14 @@ def _closed(closer: Closer, columns: np.ndarray, table: system.Products, counts:
         if entry.support not in closed and len(entry.support) <= largest:
             with suppress(NoNumbersError):
                 closed[entry.support] = closer.close(entry)
-    order = sorted(closed.values(), key=closer.cost_of)[:BENT]
+    order = sorted(closed.values(), key=closer.cost_of)[:MOST_BENT]
     own = [closed[known[0].support]] if known is not None else []
     all_leave = bool(order) and forms.leaves(closer, order[0])
     for straight in {entry.support: entry for entry in [*own, *(order if all_leave else [])]}.values() if bend else []:
         bent = forms.bent(closer, straight)
         if bent is not straight:
-            more = known is not None and bent.support == known[0].support
-            closed |= _cheapest(closer, closed, _with_one_more(closer, bent, columns, counts, settled or not more))
+            alone = settled or known is None or bent.support != known[0].support
+            closed |= _cheapest(closer, closed, _with_one_more(closer, bent, columns, counts, alone))
     return list(closed.values())
 
 
@@ -111,10 +111,10 @@ def _cheapest(closer: Closer, so_far: dict[Support, Closed], more: dict[Support,
     return {support: entry for support, entry in more.items() if support not in so_far or closer.cost_of(entry) < closer.cost_of(so_far[support])}
 
 
-def _with_one_more(closer: Closer, closed: Closed, columns: np.ndarray, counts: dict[str, int], settled: bool) -> dict[Support, Closed]:
-    """An explanation, and what it is with one more effect beside it."""
+def _with_one_more(closer: Closer, closed: Closed, columns: np.ndarray, counts: dict[str, int], alone: bool) -> dict[Support, Closed]:
+    """An explanation, and, unless it is to stay alone, what it is with one more effect beside it."""
     closed.weigh(np.ones(len(closer.system.names)), len(closer.responses.nuisances), counts)
-    more = [] if settled else beside(closer, closed, closer.responses, columns, counts)
+    more = [] if alone else beside(closer, closed, closer.responses, columns, counts)
     return {entry.support: entry for entry in [closed, *more]}
 
 
@@ -136,7 +136,7 @@ def _worth_closing(ranking: explain.Ranking, nuisances: int) -> list[Explained]:
     able = [entry for entry in ranking.entries if over_none(entry) > LEAST_EVIDENCE]
     singles, sets = [entry for entry in able if len(entry.support) == 1], [entry for entry in able if len(entry.support) > 1]
     ordinary = sorted(singles, key=lambda entry: strain(entry, nuisances))[:ORDINARY]
-    return [*singles[:CLOSED_SINGLES], *(entry for entry in ordinary if entry not in singles[:CLOSED_SINGLES]), *sets[:CLOSED_SETS]]
+    return list({entry.support: entry for entry in [*singles[:CLOSED_SINGLES], *ordinary, *sets[:CLOSED_SETS]]}.values())
 
 
 def strain(entry: Explained, nuisances: int) -> float:
