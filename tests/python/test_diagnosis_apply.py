@@ -51,6 +51,13 @@ def test_a_second_diagnosis_adds_to_the_first():
         amend(once, diagnosis("attributed", {"frequency_split": {"split_hz": 20.0}}))
 
 
+def test_a_second_curve_is_laid_on_the_first():
+    first = {"split_hz": 0.03, "curve_20_degc": 0.5, "curve_30_degc": 0.25}
+    once = amend(devices.load("metal-fast"), diagnosis("attributed", {"frequency_split": first})).device
+    twice = applied(once, diagnosis("attributed", {"frequency_split": {"split_hz": 0.01, "curve_30_degc": 0.5, "curve_40_degc": 1.0}}))
+    assert twice["frequency_split"] == pytest.approx({"split_hz": 0.04, "curve_20_degc": 0.5, "curve_30_degc": 0.75, "curve_40_degc": 1.0})
+
+
 def test_what_the_twins_do_not_understand_is_left_out_and_said():
     found = diagnosis("attributed", {"thermal_hysteresis": {"peak_to_peak_rad_s": 1e-3}})
     amended = amend(devices.load("metal-fast"), found)

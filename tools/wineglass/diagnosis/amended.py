@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from wineglass.device import Device
+from wineglass.diagnosis import curves
 from wineglass.diagnosis.contract import Diagnosis, EffectFound
 from wineglass.diagnosis.vocabulary import OTHER
 from wineglass.effect_table import EffectTable
@@ -70,7 +71,7 @@ def _table(effect: EffectFound) -> EffectTable | None:
 
 
 def _merged(tables: list[EffectTable]) -> list[EffectTable]:
-    """One table per effect: strengths of the same effect add up, its shapes are those of the later one."""
+    """One table per effect: strengths and curves of the same effect add up, its shapes and other forms are those of the later one."""
     merged: dict[str, EffectTable] = {}
     for table in tables:
         merged[table.id] = _sum(find(table.id), merged[table.id], table) if table.id in merged else table
@@ -80,7 +81,7 @@ def _merged(tables: list[EffectTable]) -> list[EffectTable]:
 def _sum(record: Effect, first: EffectTable, second: EffectTable) -> EffectTable:
     values = {**first.parameters, **second.parameters}
     for parameter in record.parameters:
-        if parameter.strength and parameter.name in values:
+        if (parameter.strength or curves.is_point(parameter.name)) and parameter.name in values:
             total = first.parameters.get(parameter.name, 0.0) + second.parameters.get(parameter.name, 0.0)
             if not parameter.low <= total <= parameter.high:
                 raise BadInput(f"{parameter.name} of {record.id} would become {total:g} {parameter.unit}", "--apply", "diagnose with the description before")
