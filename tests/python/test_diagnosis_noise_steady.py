@@ -1,12 +1,14 @@
 """Noise that is there all the time, against what comes and goes: drawn series, whose course is known; no twin."""
 
+from itertools import combinations
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from wineglass.diagnosis import noise_spectra, noise_trend
+from wineglass.diagnosis import noise_level, noise_lines, noise_spectra, noise_trend
+from wineglass.diagnosis.noise_lines import Line, Lines
 from wineglass.diagnosis.noise_windows import Windows
 
 SEED = 83
@@ -70,3 +72,43 @@ def test_windows_are_brought_to_one_level_only_where_the_level_changes():
     steady, growing = trend_of(lambda t: np.ones_like(t)), trend_of(lambda t: np.exp(0.02 * (t - 25.0)))
     assert steady.relative == pytest.approx(np.ones(42))
     assert growing.relative.max() / growing.relative.min() == pytest.approx(np.exp(0.04 * 80.0), rel=0.5)
+
+
+# ---- what a form is worth -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_spectrum_that_misses_its_form_is_not_saved_by_being_loud():
+    """Up to 100 nats count as they are, then 100 (1 + ln(nats/100)/2); a form may be off by 0.4, which 1,000 terms see as 80 nats."""
+    assert noise_level._held_to_form(50.0, 55.0, 1000.0) == 50.0
+    assert noise_level._held_to_form(4950.0, 5000.0, 1000.0) == pytest.approx(100.0 * (1.0 + 0.5 * np.log(49.5)))
+    assert noise_level._held_to_form(4000.0, 5000.0, 1000.0) == pytest.approx(50.0 * (np.log(50.0) - np.log(9.2)))
+    assert noise_level._held_to_form(0.0, 5000.0, 1000.0) < 1.0
+
+
+def test_noise_that_grows_in_both_quadratures_is_more_likely_excess_noise_than_unknown():
+    evidence = {frozenset(some): 0.0 for size in range(3) for some in combinations(noise_spectra.EFFECTS, size)}
+    looks = noise_level._Looks(None, None, SimpleNamespace(log_evidence=evidence, bands=[]), None, None, None, None, [SimpleNamespace(log_evidence=12.0)])
+    known, unknown = (looks._broadband(frozenset({name})) for name in ("excess_noise", noise_level.OTHER))
+    assert (known, unknown) == (12.0, 8.0)
+
+
+# ---- noise under a line ---------------------------------------------------------------------------------------------------------------
+
+
+class Recorded(SimpleNamespace):
+    def __getitem__(self, name):
+        return self.values[name]
+
+
+def test_a_strong_tone_is_taken_out_while_the_carrier_moves():
+    """The carrier goes by 0.4 Hz within a window; the tone stands still."""
+    rng, windows = np.random.default_rng(SEED), windows_of()
+    time_s = windows.tap.time_s
+    drive_hz = 5000.0 - 0.2 * np.sin(2.0 * np.pi * time_s / 25.0)
+    turns = np.concatenate([[0.0], np.cumsum(5006.7 - 0.5 * (drive_hz[1:] + drive_hz[:-1]))]) / RATE_HZ
+    noise = rng.standard_normal(len(time_s))
+    line = Line("interference", 5006.7, 0.01, 1.0, 0.1, 1e4, 1e4, 1e5, "tone")
+    carrier = Recorded(time_s=time_s, sample_rate_hz=RATE_HZ, values={"drive_frequency": drive_hz})
+    left, done = noise_lines.without(noise + 300.0 * np.cos(2.0 * np.pi * turns + 0.7), Lines([{"interference": line}], COUNT), windows, carrier, None)
+    assert done
+    assert np.std(left - noise) < 0.15  # ten numbers of 512 are fitted in every window

@@ -43,7 +43,7 @@ BURIED = 300.0
 """height of a line whose sides move noise's level"""
 ANYTHING = ("dropped_samples", "adc_saturation", "adc_nonlinearity", "thermometer_quantisation")
 """effects whose jolts, stairs or beats with the sampling may raise any spectrum anywhere: beside them spectra and lines blame nobody else"""
-ALIKE = 4.0
+ONE_SIDED = 4.0
 """nats: something unknown need not raise both quadratures of an axis alike"""
 FORM_ERROR = 0.4
 """relative, of a band: by which an effect's spectrum may be of another form than its model; what misses the spectrum by more is not it, however loud it is"""
@@ -327,10 +327,8 @@ class _Looks:
             steady = self.spectral.log_evidence[(chosen - {"excess_noise", OTHER}) & frozenset(noise_spectra.EFFECTS)]
             found = max(found, steady - 1.0) + changing if changing > 0.0 else found  # what is there in the warmth alone hardly raises a mean
         if changing > 0.0 and OTHER in chosen and "excess_noise" not in chosen:
-            found -= ALIKE
-        top = max(self.spectral.log_evidence.values()) + changing
-        allowed = 0.5 * FORM_ERROR**2 * sum(band.shape for band in self.spectral.bands)
-        return min(_bounded(max(found, -20.0)), _bounded(top) - _bounded(max(0.0, top - found - allowed)))
+            found -= ONE_SIDED
+        return _held_to_form(found, max(self.spectral.log_evidence.values()) + changing, sum(band.shape for band in self.spectral.bands))
 
     def _raises_anything(self, chosen: frozenset[str]) -> bool:
         """One of ANYTHING is chosen, and its own mark is there."""
@@ -503,6 +501,12 @@ def _distance_s(times: np.ndarray, examined_s: float) -> tuple[float, float]:
             return float(slope), float(np.hypot(2.0 * sigma, STAIR * INTERVAL_S / np.ptp(number)))
     usual = examined_s / len(times)
     return usual, min(0.9, 2.0 / np.sqrt(len(times))) * usual
+
+
+def _held_to_form(found: float, top: float, terms: float) -> float:
+    """Bounded evidence of a set; less where it misses the spectra by more than a wrong form would. top: of the best set; terms: of all bands' powers."""
+    missed = max(0.0, top - found - 0.5 * FORM_ERROR**2 * terms)
+    return min(_bounded(max(found, -20.0)), _bounded(top) - _bounded(missed))
 
 
 def _bounded(nats: float) -> float:

@@ -151,8 +151,8 @@ def rate_bands(windows: Windows, device: Device, calibration: Calibration, value
 
 def comes_and_goes(windows: Windows, values: np.ndarray, lines: np.ndarray) -> bool:
     """Is what is slow in the rate there in some windows and not in others? Noise of a bias is there all the time, its windows' powers gamma distributed about
-    one mean; strain that is let go, a path over temperature, and a bias that switches move in some and stand still in others. What changes at all frequencies alike
-is white, and does not count. lines (n, m): bins that do not count"""
+    one mean; strain that is let go, a path over temperature, and a bias that switches move in some and stand still in others. What changes at all frequencies
+    alike is white, and does not count. lines (n, m): bins that do not count"""
     f = windows.frequency_hz
     chosen = (np.arange(1, len(f) + 1) > FIRST_BIN) & (f < LOW_TO_HZ) & ~lines.any(axis=0)
     quick = (f > WHITE_FROM_HZ) & ~lines.any(axis=0)
