@@ -36,7 +36,6 @@ class Made:
         values = np.array([self.known, *self.column.values()])
         self.responses = Responses(NAMES, np.zeros((2, GRID.count)), tuple(columns), values, (0,), np.zeros(1),
                                    {name: [Variant(name, (i + 1,))] for i, name in enumerate(EFFECTS)})
-        self.scaled = np.array([self.known, *(REACH * column for column in self.column.values())])
         self.bench = LinearBench(GRID, NAMES, twin)
 
     def closed(self, data: np.ndarray) -> tuple[Closer, Closed]:
@@ -68,7 +67,7 @@ def test_what_is_tried_are_the_three_that_gain_most_and_enough(seed: int) -> Non
     gains = {name: made.gain(data, name) for name in EFFECTS if name != "ageing"}
     expected = [name for name in sorted(gains, key=lambda name: -gains[name]) if gains[name] > LEAST_GAIN][:TRIED]
     assert expected, "the case has something to find"
-    found = beside(closer, best, made.responses, made.scaled, COUNTS)
+    found = beside(closer, best, COUNTS)
     assert [set(entry.support) - {"ageing"} for entry in found] == [{name} for name in expected]
 
 
@@ -76,7 +75,7 @@ def test_each_is_closed_with_the_explanation_moved_along() -> None:
     made = Made(4)
     data = 2.0 * made.column["ageing"] - 1.5 * made.column["cross_damping"] + made.noise
     closer, best = made.closed(data)
-    first = beside(closer, best, made.responses, made.scaled, COUNTS)[0]
+    first = beside(closer, best, COUNTS)[0]
     assert first.support == ("ageing", "cross_damping")
     expected = ridge(np.array([made.known, REACH * made.column["ageing"], REACH * made.column["cross_damping"]]), data)[1:] * REACH
     typical = np.array([made.parameter[name].typical for name in first.support])
@@ -87,4 +86,4 @@ def test_each_is_closed_with_the_explanation_moved_along() -> None:
 def test_beside_the_whole_truth_there_is_nothing() -> None:
     made = Made(5)
     closer, best = made.closed(2.0 * made.column["ageing"] + made.noise)
-    assert beside(closer, best, made.responses, made.scaled, COUNTS) == []
+    assert beside(closer, best, COUNTS) == []

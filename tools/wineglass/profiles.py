@@ -33,7 +33,7 @@ class _Knots:
 def _check_knots(times_s: list[float], values: list[float], names: str) -> None:
     if len(times_s) != len(values) or not times_s:
         raise ValueError(f"{names} need the same length, at least one entry")
-    if any(later <= earlier for earlier, later in zip(times_s, times_s[1:])):
+    if np.any(np.diff(times_s) <= 0.0):
         raise ValueError("times_s must increase from entry to entry")
 
 

@@ -9,29 +9,27 @@ import numpy as np
 from wineglass.diagnosis import explain, system
 from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
 from wineglass.diagnosis.explain import Explained
-from wineglass.diagnosis.responses import Responses, Variant
+from wineglass.diagnosis.responses import Variant
 
 LARGEST = 3  # effects: what has to be explained by more is something else
 TRIED = 3  # single effects that are closed beside the explanation
 LEAST_GAIN = 4.0  # nats, their priors included
 
 
-def beside(closer: Closer, best: Closed, found: Responses, columns: np.ndarray, counts: dict[str, int]) -> list[Closed]:
-    """The explanation with one more effect each, the most promising first. columns (k, channels, n): the responses', whitened and scaled."""
+def beside(closer: Closer, best: Closed, counts: dict[str, int]) -> list[Closed]:
+    """The explanation with one more effect each, the most promising first."""
     if len(best.support) >= LARGEST:
         return []
-    built, nuisances = closer.system, len(found.nuisances)
+    built, found = closer.system, closer.responses
     spread, middle = np.array([u.spread for u in best.unknowns]), np.array([u.middle for u in best.unknowns])
-    own, effects = built.whiten(best.jacobian * spread[:, None, None]), columns[nuisances:]
-    first = nuisances + len(own)
-    about = np.concatenate([closer.ground.centre, (best.values - middle) / spread, np.zeros(len(effects))])
-    table = system.products(built, np.concatenate([closer.nuisance, own, effects]), about, built.data - built.whiten(best.response))
+    own = built.whiten(best.jacobian * spread[:, None, None])
+    table = system.grown(built, closer.table, closer.columns, own, (best.values - middle) / spread, built.data - built.whiten(best.response))
     softening = np.maximum(1.0, best.entry.left / np.maximum(built.n_rows, 1))
-    alone = explain.explained(table, softening, first, [], (), 0.0)
+    nuisances, behind = len(found.nuisances), list(range(len(closer.columns), table.count))
+    alone = explain.explained(table, softening, nuisances, behind, (), 0.0)
 
     def tried(variant: Variant) -> Explained:
-        places = [first + c - nuisances for c in variant.columns]
-        return explain.explained(table, softening, first, places, (variant,), explain.prior_of((variant,), counts))
+        return explain.explained(table, softening, nuisances, [*behind, *variant.columns], (variant,), explain.prior_of((variant,), counts))
 
     more = [max((tried(v) for v in variants), key=lambda entry: entry.log_evidence)
             for effect, variants in found.variants.items() if effect not in best.support]
@@ -39,7 +37,7 @@ def beside(closer: Closer, best: Closed, found: Responses, columns: np.ndarray, 
     closed = []
     for entry in able[:TRIED]:
         with suppress(NoNumbersError):
-            closed.append(closer.beside(best, _alone(entry, first, nuisances)))
+            closed.append(closer.beside(best, _alone(entry, nuisances + len(own), nuisances)))
     return closed
 
 

@@ -14,7 +14,7 @@ from wineglass.diagnosis import own_line
 from wineglass.recording.memory import Samples, Source
 from wineglass.wire import Status
 
-FRAME_S = 0.25  # about; a whole number of samples of the slowest tap
+FRAME_S = 0.24  # about; a whole number of samples of the slowest tap, and at the usual 50 Hz of the envelope twin's longest steps
 MOST_FRAMES = 8000
 SETTLING_S = 1.0  # after the first lock
 LONGEST_GAP, LEAST_FOR_SPLINE = 3, 8  # samples: lost ones that are bridged, and those that a spline needs

@@ -14,7 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 from wineglass import effects
 from wineglass.diagnosis.explain import Explained, Support, explained, posterior_mean, prior_of
 from wineglass.diagnosis.responses import POLAR, REACH, Bench, Responses, Variant
-from wineglass.diagnosis.system import Products, System, products
+from wineglass.diagnosis.system import Products, System, grown, products
 from wineglass.effects import Setting
 from wineglass.errors import BadInput
 
@@ -106,28 +106,25 @@ def _polar(effect: str, given: dict[str, float]) -> dict[str, float]:
     return {**given, POLAR[effect][0]: float(np.hypot(cosine, sine)), "axis_deg": float(np.degrees(0.5 * np.arctan2(sine, cosine)))}
 
 
-@dataclass(frozen=True)
-class Ground:
-    """What is uncertain: raw (m, channels, n) slopes in the channels' units, centre (m,) where the bench's unit has them."""
-
-    raw: np.ndarray
-    centre: np.ndarray
-
-
 class NoNumbersError(ArithmeticError):
     """An explanation about which the envelope twin's responses are no numbers, or beyond them: it cannot be weighed."""
 
 
 class Closer:
-    """What all closures of one recording have in common. pick: the system's channels among those of the bench."""
+    """What all closures about one unit have in common. pick: the system's channels among those of the bench. columns (k, channels, n): the responses', whitened
+    and scaled, nuisances first; table: their products."""
 
     def __init__(self, bench: Bench, system: System, responses: Responses, pick: list[int]):
         self.bench, self.system, self.responses, self.pick = bench, system, responses, pick
-        self.ground = Ground(responses.values[list(responses.nuisances)][:, pick, :], responses.centre)
-        self.nuisance = self.system.whiten(self.ground.raw)
+        scale = np.array([column.scale for column in responses.columns])
+        self.columns = system.whiten(responses.values[:, pick, :]) * scale[:, None, None]
+        self.centre = responses.centre
+        self.table = products(system, self.columns, np.pad(self.centre, (0, len(scale) - len(self.centre))))
+        self.nuisance = self.columns[: len(self.centre)]
         self._cheapest = np.inf
-        self._flat = self.nuisance.reshape(len(self.nuisance), -1)
-        self._gram = self._flat @ self._flat.T
+        live = [np.flatnonzero(self.nuisance[:, channel].any(axis=1)) for channel in range(len(system.names))]
+        self._moving = [(places, self.nuisance[places, channel]) for channel, places in enumerate(live)]
+        self._gram = self.table.everywhere(list(range(len(self.nuisance))))[:, :-1, :-1].sum(axis=0)
         self._factor = cho_factor(self._gram + np.eye(len(self.nuisance)))
 
     def close(self, start: Explained) -> Closed:
@@ -159,9 +156,11 @@ class Closer:
         for place in range(max(0, here - NEIGHBOURS), min(len(rivals), here + NEIGHBOURS)):
             until = rivals[place + 1].shapes["time_s"] if place + 1 < len(rivals) else time_s[-1]
             column = self.responses.values[rivals[place].columns[0]][self.pick]
-            for moment in time_s[(time_s >= rivals[place].shapes["time_s"]) & (time_s < until)]:
-                gain, size = self._gain(column * (time_s >= moment))
-                best = max(best, (gain, rivals[place], float(moment), size), key=lambda found: found[0])
+            moments = time_s[(time_s >= rivals[place].shapes["time_s"]) & (time_s < until)]
+            gains, sizes = self._gains(column * (time_s >= moments[:, None, None]))
+            first = int(np.argmax(gains)) if len(gains) else 0
+            if len(gains) and gains[first] > best[0]:
+                best = (float(gains[first]), rivals[place], float(moments[first]), float(sizes[first]))
         if best[0] == 0.0:
             return start
         scale = self.responses.columns[best[1].columns[0]].scale
@@ -169,15 +168,22 @@ class Closer:
         coefficients = np.append(start.coefficients[: len(self.responses.nuisances)], best[3] / scale)
         return replace(start, variants=(moved,), coefficients=coefficients)
 
-    def _gain(self, column: np.ndarray) -> tuple[float, float]:
-        """Nats that a column (channels, n) alone gains, what is uncertain moving along, and its coefficient."""
-        white = self.system.whiten(column).ravel()
-        along = self._flat @ white
+    def _gains(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Nats (m,) that each of these columns (m, channels, n) alone gains, what is uncertain moving along, and its coefficient (m,)."""
+        white = self.system.whiten(columns)
+        along = self._across(white)
         behind = cho_solve(self._factor, along)
-        left = self.system.data.ravel()
-        size = float(white @ white - along @ behind)
-        match = float(white @ left - behind @ (self._flat @ left - self.ground.centre))
-        return (0.5 * match**2 / size, match / size) if size > 0.0 else (0.0, 0.0)
+        size = np.einsum("mcn,mcn->m", white, white) - np.sum(along * behind, axis=0)
+        match = np.tensordot(white, self.system.data, 2) - (self._across(self.system.data[None])[:, 0] - self.centre) @ behind
+        able = size > 0.0
+        return np.where(able, 0.5 * match**2 / np.where(able, size, 1.0), 0.0), np.where(able, match / np.where(able, size, 1.0), 0.0)
+
+    def _across(self, rows: np.ndarray) -> np.ndarray:
+        """(nuisances, m): products of what is uncertain with whitened rows (m, channels, n). Most of it moves a few channels only."""
+        found = np.zeros((len(self.nuisance), len(rows)))
+        for channel, (live, block) in enumerate(self._moving):
+            found[live] += block @ rows[:, channel].T
+        return found
 
     def resume(self, support: Support, variants: tuple[Variant, ...], unknowns: list[Unknown], values: np.ndarray, jacobian: np.ndarray) -> Closed:
         """Closed from these values, where the Jacobian is known."""
@@ -253,15 +259,14 @@ class Closer:
 
     def _linear(self, jacobian: np.ndarray, response: np.ndarray, at: np.ndarray) -> Products:
         """The system about the present values; unknowns in spreads of their priors, `at` from their middles."""
-        columns = np.concatenate([self.nuisance, self.system.whiten(jacobian)])
-        return products(self.system, columns, np.concatenate([self.ground.centre, at]), self.system.data - self.system.whiten(response))
+        data = self.system.data - self.system.whiten(response)
+        return grown(self.system, self.table, self.nuisance, self.system.whiten(jacobian), at, data)
 
     def _whole(self, jacobian: np.ndarray, response: np.ndarray, at: np.ndarray) -> np.ndarray:
         """The products of `_linear` over all folds and channels, without their parts: (m + k + 1, m + k + 1)."""
-        columns = self.system.whiten(jacobian).reshape(len(jacobian), -1)
-        data = (self.system.data - self.system.whiten(response)).ravel()
-        rows = np.concatenate([columns, data[None]])
-        across, inner, about = self._flat @ rows.T, rows @ rows.T, self.ground.centre
+        rows = np.concatenate([self.system.whiten(jacobian), (self.system.data - self.system.whiten(response))[None]])
+        flat = rows.reshape(len(rows), -1)
+        across, inner, about = self._across(rows), flat @ flat.T, self.centre
         across[:, -1] -= about
         inner[-1, :-1] -= at
         inner[:-1, -1] -= at
@@ -277,11 +282,11 @@ class Closer:
 
     def _cost(self, response: np.ndarray, at: np.ndarray) -> float:
         """Half the energy left, nuisances at their best, plus the prior's."""
-        left, about = (self.system.data - self.system.whiten(response)).ravel(), self.ground.centre
+        left, about = self.system.data - self.system.whiten(response), self.centre
         if not np.all(np.isfinite(left)):
             return np.inf
-        along = self._flat @ left - about
-        return 0.5 * float(left @ left - along @ cho_solve(self._factor, along) + about @ about + at @ at)
+        along = self._across(left[None])[:, 0] - about
+        return 0.5 * float(np.sum(left**2) - along @ cho_solve(self._factor, along) + about @ about + at @ at)
 
 
 def respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:

@@ -51,15 +51,14 @@ def prior_of(variants: Iterable[Variant], counts: dict[str, int]) -> float:
 def explained(products: Products, softening: np.ndarray, nuisances: int, columns: list[int], variants: tuple[Variant, ...], log_prior: float) -> Explained:
     """columns: places of the effects' columns in the products; the first `nuisances` are the nuisances'."""
     places = [*range(nuisances), *columns]
-    gram = products.pooled(softening)
-    coefficients, log_determinant = posterior_mean(gram, places)
-    whole = np.zeros(products.count)
-    whole[places] = coefficients
-    evidence = -0.5 * (float(gram[-1, -1] - gram[places, -1] @ coefficients) + log_determinant) + log_prior
-    combination = np.append(-whole, 1.0)
-    generic = sum(_generic(block @ combination, softening[c]) for c, block in enumerate(products.generic))
+    block = products.everywhere(places)
+    gram = products.with_priors(block, places, softening)
+    coefficients, log_determinant = posterior_mean(gram, list(range(len(places))))
+    evidence = -0.5 * (float(gram[-1, -1] - gram[:-1, -1] @ coefficients) + log_determinant) + log_prior
+    combination = np.append(-coefficients, 1.0)
+    generic = sum(_generic(basis[:, [*places, -1]] @ combination, softening[c]) for c, basis in enumerate(products.generic))
     support = tuple(sorted({v.effect for v in variants}))
-    return Explained(support, variants, evidence, float(generic), products.left(whole), products.about[places] + coefficients)
+    return Explained(support, variants, evidence, float(generic), (block @ combination) @ combination, products.about[places] + coefficients)
 
 
 def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, float]:

@@ -82,9 +82,8 @@ def _gain(closer: Closer, closed: Closed, forms: list[Unknown]) -> tuple[float, 
     built = closer.system
     spread = np.array([u.spread for u in unknowns])
     middle = np.array([u.middle for u in unknowns])
-    columns = np.concatenate([closer.nuisance, built.whiten(np.concatenate([closed.jacobian, jacobian]) * spread[:, None, None])])
-    about = np.concatenate([closer.ground.centre, (values - middle) / spread])
-    table = system.products(built, columns, about, built.data - built.whiten(closed.response))
+    own = built.whiten(np.concatenate([closed.jacobian, jacobian]) * spread[:, None, None])
+    table = system.grown(built, closer.table, closer.nuisance, own, (values - middle) / spread, built.data - built.whiten(closed.response))
     left = _per_frame(closer, closed)
     before, after = _excess(closer, closed, left), _excess(closer, closed, _per_frame_of(table, closer))
     if np.all((before == 0.0) | (after > MOST_KEPT * before)):

@@ -71,18 +71,16 @@ def look(bench: Bench, base: Frames, task: Task, known: tuple[Closed, Standing] 
     found = responses.respond(bench, task.without if largest else frozenset(effect.id for effect in effects.catalogue()), bend=bend)
     task.advance()
     built = task.system(bench, base, unknown=True)
-    columns = built.whiten(found.values[:, task.pick, :]) * np.array([c.scale for c in found.columns])[:, None, None]
-    table = system.products(built, columns, np.pad(found.centre, (0, len(columns) - len(found.centre))))
     counts = {effect: len(variants) for effect, variants in found.variants.items()}
     closer = Closer(bench, built, found, task.pick)
-    closed = _closed(closer, columns, table, counts, known, largest, settled, bend)
+    table = closer.table
+    closed = _closed(closer, counts, known, largest, settled, bend)
     task.advance()
     weighed, softening, none = _weighed(built, _with_parts(closer, closed), table, found, counts)
     return Look(bench, base, found, built, table, none, weighed, softening, settled)
 
 
-def _closed(closer: Closer, columns: np.ndarray, table: system.Products, counts: dict[str, int], known: tuple[Closed, Standing] | None, largest: int,
-            settled: bool, bend: bool) -> list[Closed]:
+def _closed(closer: Closer, counts: dict[str, int], known: tuple[Closed, Standing] | None, largest: int, settled: bool, bend: bool) -> list[Closed]:
     """Explanations, one for each set of effects. Laws bend of the one that was followed, where it leaves more than noise, and of others where all do. The rest
     as for `look`."""
     found, closed = closer.responses, dict[Support, Closed]()
@@ -90,8 +88,8 @@ def _closed(closer: Closer, columns: np.ndarray, table: system.Products, counts:
         best, there = known
         assert there.jacobian is not None
         followed = closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian)
-        closed = _with_one_more(closer, followed, columns, counts, settled)
-    for entry in _worth_closing(_ranked(table, found), len(found.nuisances)) if largest else []:
+        closed = _with_one_more(closer, followed, counts, settled)
+    for entry in _worth_closing(_ranked(closer.table, found), len(found.nuisances)) if largest else []:
         if entry.support not in closed and len(entry.support) <= largest:
             with suppress(NoNumbersError):
                 closed[entry.support] = closer.close(entry)
@@ -102,7 +100,7 @@ def _closed(closer: Closer, columns: np.ndarray, table: system.Products, counts:
         bent = forms.bent(closer, straight)
         if bent is not straight:
             alone = settled or known is None or bent.support != known[0].support
-            closed |= _cheapest(closer, closed, _with_one_more(closer, bent, columns, counts, alone))
+            closed |= _cheapest(closer, closed, _with_one_more(closer, bent, counts, alone))
     return list(closed.values())
 
 
@@ -111,10 +109,10 @@ def _cheapest(closer: Closer, so_far: dict[Support, Closed], more: dict[Support,
     return {support: entry for support, entry in more.items() if support not in so_far or closer.cost_of(entry) < closer.cost_of(so_far[support])}
 
 
-def _with_one_more(closer: Closer, closed: Closed, columns: np.ndarray, counts: dict[str, int], alone: bool) -> dict[Support, Closed]:
+def _with_one_more(closer: Closer, closed: Closed, counts: dict[str, int], alone: bool) -> dict[Support, Closed]:
     """An explanation, and, unless it is to stay alone, what it is with one more effect beside it."""
     closed.weigh(np.ones(len(closer.system.names)), len(closer.responses.nuisances), counts)
-    more = [] if alone else beside(closer, closed, closer.responses, columns, counts)
+    more = [] if alone else beside(closer, closed, counts)
     return {entry.support: entry for entry in [closed, *more]}
 
 

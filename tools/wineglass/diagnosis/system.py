@@ -46,9 +46,10 @@ class System:
     def whiten(self, series: np.ndarray) -> np.ndarray:
         """(..., channels, n) in the channels' units -> whitened and weighted."""
         rows = series.reshape(-1, *series.shape[-2:])
-        found = np.zeros_like(rows)
+        found = np.empty_like(rows)
         for i in range(len(self.names)):
             live = rows[:, i].any(axis=1)  # what is uncertain moves a few channels only
+            found[~live, i] = 0.0
             found[live, i] = self.floor.whiten(i, np.where(self.weight[i] > 0, rows[live, i], 0.0)) * self.weight[i]
         return found.reshape(series.shape)
 
@@ -184,9 +185,18 @@ class Products:
     def pooled(self, softening: np.ndarray, folds: list[int] | None = None) -> np.ndarray:
         """(k + 1, k + 1): channels weighted by 1/softening, summed over folds (None: all), with the priors' middles in the last row and column."""
         chosen = self._everywhere if folds is None else self.gram[folds].sum(axis=0)
-        whole = np.tensordot(1.0 / softening, chosen, 1)
-        whole[-1, :-1] -= self.about
-        whole[:-1, -1] -= self.about
+        return self.with_priors(chosen, list(range(self.count)), softening)
+
+    def everywhere(self, places: list[int]) -> np.ndarray:
+        """(channels, p + 1, p + 1): products over all folds, of some columns and the data."""
+        chosen = np.array([*places, self.count])
+        return self._everywhere[:, chosen[:, None], chosen]
+
+    def with_priors(self, block: np.ndarray, places: list[int], softening: np.ndarray) -> np.ndarray:
+        """(p + 1, p + 1): `everywhere` with channels weighted by 1/softening, and the priors' middles in the last row and column."""
+        whole, about = np.tensordot(1.0 / softening, block, 1), self.about[places]
+        whole[-1, :-1] -= about
+        whole[:-1, -1] -= about
         whole[-1, -1] += float(self.about @ self.about)
         return whole
 
@@ -216,3 +226,23 @@ def products(system: System, columns: np.ndarray, about: np.ndarray | None = Non
             gram[f, c][np.ix_(live, live)] = part @ part.T
         generic.append(system.basis[c].T @ rows.T)
     return Products(gram, tuple(generic), np.zeros(k) if about is None else about)
+
+
+def grown(system: System, table: Products, columns: np.ndarray, more: np.ndarray, about: np.ndarray, data: np.ndarray) -> Products:
+    """Products of the first k columns of a table, which are `columns` (k, channels, n), with more (m, channels, n) about (m,) behind them, and of other data:
+    what the first have among themselves is not computed again."""
+    k, m = len(columns), len(more)
+    gram = np.empty((FOLDS, len(system.names), k + m + 1, k + m + 1))
+    gram[..., :k, :k] = table.gram[..., :k, :k]
+    generic = []
+    for c in range(len(system.names)):
+        rows = np.concatenate([more[:, c, :], data[None, c, :]])
+        live = np.flatnonzero(np.diagonal(table.gram[:, c], axis1=1, axis2=2)[:, :k].any(axis=0))
+        for f in range(FOLDS):
+            here = np.flatnonzero(system.fold == f)
+            part = rows[:, here]
+            across = np.zeros((k, m + 1))
+            across[live] = columns[np.ix_(live, [c], here)][:, 0] @ part.T
+            gram[f, c, :k, k:], gram[f, c, k:, :k], gram[f, c, k:, k:] = across, across.T, part @ part.T
+        generic.append(np.concatenate([table.generic[c][:, :k], system.basis[c].T @ rows.T], axis=1))
+    return Products(gram, tuple(generic), np.concatenate([table.about[:k], about]))
