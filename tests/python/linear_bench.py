@@ -48,6 +48,10 @@ class LinearBench:
         self.unit = self.unit or LinearUnit(np.zeros(len(self.known)))
 
     @property
+    def measured_degc(self) -> np.ndarray:
+        return self.shell_degc
+
+    @property
     def nominal(self) -> np.ndarray:
         assert self.unit is not None
         return sum((by * column for by, (_, column) in zip(self.unit.off, self.known, strict=True)), np.zeros((len(self.names), self.grid.count)))

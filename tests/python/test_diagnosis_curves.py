@@ -25,7 +25,7 @@ def test_weights_are_those_of_a_cubic_spline() -> None:
     degc = np.linspace(-35.0, 105.0, 71)
     points = curves.points(effects.find("cross_damping"))
     expected = BSpline.design_matrix(degc, np.arange(-70.0, 141.0, 10.0), 3).toarray()
-    assert np.array([curves.weight(degc, point) for point in points]).T == pytest.approx(expected, abs=1e-12)
+    assert np.array([curves.weight(degc, point.name) for point in points]).T == pytest.approx(expected, abs=1e-12)
 
 
 def test_only_points_near_the_shells_temperatures_are_seen() -> None:

@@ -33,7 +33,7 @@ class Made:
         self.points = curves.seen(effects.find(ID), SHELL_DEGC)
         base = np.stack([1.0 + 0.3 * self.rng.standard_normal(GRID.count), np.zeros(GRID.count)])
         twin = {(ID, self.strength.name): base / self.strength.typical}
-        twin |= {(ID, p.name): base * curves.weight(SHELL_DEGC, p) / p.typical for p in self.points}
+        twin |= {(ID, p.name): base * curves.weight(SHELL_DEGC, p.name) / p.typical for p in self.points}
         self.base, self.known = base, np.stack([np.zeros(GRID.count), self.rng.standard_normal(GRID.count)])
         self.noise = self.rng.standard_normal((2, GRID.count))
         self.bench = LinearBench(GRID, NAMES, twin, shell_degc=SHELL_DEGC)
@@ -57,7 +57,7 @@ def test_a_law_bends_to_what_least_squares_say() -> None:
     closer, straight = made.closed(data)
     found = forms.bent(closer, straight)
     assert [u.name for u in found.unknowns[1:]] == [p.name for p in made.points] and {u.role for u in found.unknowns[1:]} == {"form"}
-    columns = [made.known, REACH * made.base, *(REACH * made.base * curves.weight(SHELL_DEGC, p) for p in made.points)]
+    columns = [made.known, REACH * made.base, *(REACH * made.base * curves.weight(SHELL_DEGC, p.name) for p in made.points)]
     expected = ridge(np.array(columns), data)
     response = np.tensordot(expected[1:], np.array(columns[1:]), 1)
     assert found.response == pytest.approx(response, abs=0.02 * float(np.max(np.abs(response))))
@@ -78,7 +78,7 @@ def test_evidence_of_a_bent_law_is_a_density_and_a_prior() -> None:
     closer, straight = made.closed(data)
     found = forms.bent(closer, straight)
     known = [made.known, REACH * made.base]
-    curve = [REACH * made.base * curves.weight(SHELL_DEGC, p) for p in made.points]
+    curve = [REACH * made.base * curves.weight(SHELL_DEGC, p.name) for p in made.points]
     gained = [entry.weigh(np.ones(2), 1, {ID: 1}).entry.log_evidence for entry in (straight, found)]
     assert gained[1] - gained[0] == pytest.approx(density(data, [*known, *curve]) - density(data, known) + np.log(0.1), abs=0.2)
 

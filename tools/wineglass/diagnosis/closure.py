@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from wineglass import effects
+from wineglass.diagnosis import curves
 from wineglass.diagnosis.explain import Explained, Support, explained, posterior_mean, prior_of
 from wineglass.diagnosis.responses import POLAR, REACH, Bench, Responses, Variant
 from wineglass.diagnosis.system import Products, System, grown, products
@@ -300,15 +301,26 @@ def respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.n
 
 
 def differences(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, response: np.ndarray, first: int = 0) -> np.ndarray:
-    """The Jacobian (k, channels, n) at these values, of unknowns from `first` on, by one run each; response: the one there."""
-    rows = []
+    """The Jacobian (k, channels, n) at these values, of unknowns from `first` on, by one run each, and one for all points of a curve, each of which has its
+    part of it at the temperature of the moment; response: the one there."""
+    rows = np.empty((len(unknowns) - first, *response.shape))
+    groups: dict[tuple[str, int], list[int]] = {}
     for i, unknown in list(enumerate(unknowns))[first:]:
-        step = SHAPE_STEP * unknown.spread if unknown.role == "shape" else STRENGTH_STEP * max(abs(values[i]), unknown.spread / REACH)
-        step = -step if values[i] + step > unknown.high and unknown.role not in POLAR_ROLES else step
-        moved = values.copy()
-        moved[i] += step
-        rows.append((respond(bench, pick, unknowns, moved) - response) / step)
-    return np.array(rows)
+        groups.setdefault((unknown.effect, -1 if curves.is_point(unknown.name) else i), []).append(i)
+    for places in groups.values():
+        parts = curves.parts(bench.measured_degc, [unknowns[i].name for i in places]) if len(places) > 1 else np.ones((1, 1))
+        rows[np.array(places) - first] = _slope(bench, pick, unknowns, values, response, places) * parts[:, None]
+    return rows
+
+
+def _slope(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, response: np.ndarray, places: list[int]) -> np.ndarray:
+    """(channels, n): what one of a parameter does, or one of all of them together."""
+    step = max(SHAPE_STEP * u.spread if u.role == "shape" else STRENGTH_STEP * max(abs(values[i]), u.spread / REACH) for i, u in ((i, unknowns[i]) for i in places))
+    if any(values[i] + step > unknowns[i].high and unknowns[i].role not in POLAR_ROLES for i in places):
+        step = -step
+    moved = values.copy()
+    moved[places] += step
+    return (respond(bench, pick, unknowns, moved) - response) / step
 
 
 def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change: np.ndarray) -> np.ndarray:

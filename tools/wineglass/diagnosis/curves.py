@@ -46,7 +46,13 @@ def parted(effect: EffectFound) -> tuple[list[NamedNumber], str]:
     return [p for p in effect.parameters if not is_point(p.name)], words
 
 
-def weight(degc: np.ndarray, point: Parameter) -> np.ndarray:
+def weight(degc: np.ndarray, point: str) -> np.ndarray:
     """(n,): how much the curve has of a control point at temperatures (n,)."""
-    off = np.abs(degc - temperature_of(point.name)) / SPACING_DEGC
+    off = np.abs(degc - temperature_of(point)) / SPACING_DEGC
     return np.where(off < 1.0, (4.0 - 6.0 * off**2 + 3.0 * off**3) / 6.0, np.maximum(2.0 - off, 0.0) ** 3 / 6.0)
+
+
+def parts(degc: np.ndarray, names: list[str]) -> np.ndarray:
+    """(points, n): which part of what they do together each of these control points has at temperatures (n,)."""
+    weights = np.array([weight(degc, name) for name in names])
+    return weights / np.maximum(np.sum(weights, axis=0), 1e-12)

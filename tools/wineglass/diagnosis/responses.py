@@ -96,6 +96,11 @@ class Bench:
         """(n,): as far as it is known, where the shell has been."""
         return self.driven.run.scenario.temperature.at(self.grid.time_s)
 
+    @property
+    def measured_degc(self) -> np.ndarray:
+        """(n,): what the thermometer says, or the shell's temperature, where it says nothing."""
+        return self.nominal[self.names.index(MEASURED)] if MEASURED in self.names else self.shell_degc
+
     def at(self, unit: Unit, shell_off: float) -> Bench:
         return Bench(self._as_recorded, self.grid, self.names, unit, shell_off)
 
@@ -263,13 +268,13 @@ def _strengths(effect: effects.Effect, shape: dict[str, float]) -> list[Probe]:
 def _curve(bench: Bench, effect: effects.Effect) -> Iterator[tuple[Column, np.ndarray]]:
     """One column per control point: the response to a curve that is the same everywhere, weighted as the point counts at the temperature of the moment."""
     points = curves.seen(effect, bench.shell_degc)
-    if effect.id in POLAR or not points or MEASURED not in bench.names:
+    if effect.id in POLAR or not points:
         return
     everywhere = Setting(effect.id, {p.name: p.typical for p in curves.points(effect)})
     response = bench.run([everywhere]) - bench.nominal
-    degc = bench.nominal[bench.names.index(MEASURED)]
     for point in points:
-        yield Column(effect.id, Setting(effect.id, {point.name: point.typical}), point.name, REACH), response * curves.weight(degc, point)
+        probe = Setting(effect.id, {point.name: point.typical})
+        yield Column(effect.id, probe, point.name, REACH), response * curves.weight(bench.measured_degc, point.name)
 
 
 def _lags(bench: Bench) -> list[tuple[str, float]]:

@@ -241,14 +241,14 @@ def _further(here: _Here, step: _Step) -> tuple[_Here, float] | None:
     cost, stride = here.cost(step.softening), 1.0
     while stride > SHORTEST:
         try:
-            moved = replace(_along(here.standing, here.setting.pick, here.names, stride * step.change), near=here.standing.slopes)
+            moved = replace(_along(here.standing, here.names, stride * step.change), near=here.standing.slopes)
             there = _Here(moved, here.setting, _shifted(here.frames, moved.bench, moved.envelope - here.standing.envelope))
         except BadInput:  # beyond what physics allows
             stride *= 0.3
             continue
         left = there.cost_with(step.softening, step.change[here.fixed])
         if left < cost:
-            return there, cost - left
+            return _Here(_with_jacobian(moved, here.setting.pick), here.setting, there.frames), cost - left
         stride *= 0.3
     return None
 
@@ -259,15 +259,22 @@ def linear(standing: Standing, setting: Judged, built: System) -> system.Product
     return system.products(built, built.whiten(standing.columns(setting.pick)), about)
 
 
-def _along(standing: Standing, pick: list[int], names: list[str], change: np.ndarray) -> Standing:
+def _along(standing: Standing, names: list[str], change: np.ndarray) -> Standing:
+    """The Jacobian stays that of before."""
     bench = standing.bench
     shell_off = bench.shell_off + (change[names.index(responses.SHELL)] if responses.SHELL in names else 0.0)
     moved = replace(standing, bench=bench.at(bench.unit.toward(change[: len(bench.unit.off)]), shell_off))
     if standing.jacobian is None:
         return moved
-    values = within_bounds(standing.unknowns, standing.values + change[len(names) :] * standing.spread)
-    here = (moved.bench.run(settings_of(standing.unknowns, values)) - moved.bench.nominal)[pick]
-    return replace(moved, values=values, jacobian=differences(moved.bench, pick, standing.unknowns, values, here))
+    return replace(moved, values=within_bounds(standing.unknowns, standing.values + change[len(names) :] * standing.spread))
+
+
+def _with_jacobian(standing: Standing, pick: list[int]) -> Standing:
+    """With the one of where it is now."""
+    if standing.jacobian is None:
+        return standing
+    here = (standing.envelope - standing.bench.nominal)[pick]
+    return replace(standing, jacobian=differences(standing.bench, pick, standing.unknowns, standing.values, here))
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,8 @@ class Unit:
     described: Device
     uncertain: tuple[Uncertain, ...]
     off: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    _nudged: dict[tuple[int, float], Device] = field(default_factory=dict, repr=False, compare=False)
+    """devices that were asked for already: making one means checking all of it"""
 
     @staticmethod
     def of(described: Device) -> Unit:
@@ -84,9 +86,11 @@ class Unit:
         return float(self.off[size] + found[0]), float(self.off[axis] + found[1])
 
     def nudged(self, index: int, by: float) -> Device:
-        off = self.off.copy()
-        off[index] += by
-        return _moved(self.described, self.uncertain, off)
+        if (index, by) not in self._nudged:
+            off = self.off.copy()
+            off[index] += by
+            self._nudged[index, by] = _moved(self.described, self.uncertain, off)
+        return self._nudged[index, by]
 
 
 def _possible(described: Device, item: Uncertain, by: float) -> bool:
