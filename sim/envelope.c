@@ -448,7 +448,7 @@ static void publish(struct envelope *e, const struct envelope_step *step, double
     double weight = step->maps->ticks;
     double sampled = e->sampled_late_s / step->step_s;
     publish_amplitudes(e, step, sum);
-    sum[ENVELOPE_FREQUENCY] += weight * step->frequency_mean * step->middle.clock_ratio * (1.0 / ELEMENTARY_TWO_PI);
+    sum[ENVELOPE_FREQUENCY] += weight * step->frequency_mean * (1.0 / ELEMENTARY_TWO_PI);
     sum[ENVELOPE_LEVEL] += weight * (step->level.mean - sampled * (step->level.end - step->level.start));
     sum[ENVELOPE_TEMPERATURE] += weight * (e->firmware.reference_degc + step->temperature.mean);
     sum[ENVELOPE_RATE] += weight * envelope_filter_step(&step->maps->filter, &motion->filter[0], rates.compensated);

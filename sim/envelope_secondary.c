@@ -76,7 +76,7 @@ static bool leaks(const struct envelope_step *step)
 static struct phasor_span tone_course(struct envelope *e, const struct envelope_step *step)
 {
     struct envelope_motion *motion = &e->motion;
-    double angle = (step->middle.tone_rad_s - step->frequency_mean) * step->step_s;
+    double angle = (step->middle.tone_rad_s - step->frequency_mean / step->middle.clock_ratio) * step->step_s;
     struct phasor start = phasor_scale(phasor_turn(motion->tone_rad), step->middle.tone_fs);
     struct phasor middle = phasor_scale(phasor_turn(motion->tone_rad + 0.5 * angle), step->middle.tone_fs);
     struct phasor end = phasor_scale(phasor_turn(motion->tone_rad + angle), step->middle.tone_fs);

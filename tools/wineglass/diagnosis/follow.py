@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -78,9 +79,9 @@ def _from_singles(places: list[Callable[[], tuple[Bench, Frames]]], task: Task) 
     """The look that leaves least after a single effect was followed on the full twin, and which were. places: units with the full twin's frames there, so that
     what the envelope misses favours none: the unit that the recording asks for, and the described one, because a unit that has taken on a gap hides its cause."""
     starts: list[_Start] = []
-    for place in places:
-        starts += _starts(*place(), task)
-        if any(start.possible and np.max(start.left) < QUIET_ENOUGH for start in starts):
+    for start in chain.from_iterable(_starts(*place(), task) for place in places):
+        starts.append(start)
+        if start.possible and np.max(start.left) < QUIET_ENOUGH:
             break
     best, followed = None, set[Support]()
     for start in sorted(starts, key=lambda start: (not start.possible, float(np.sum(start.left)))):
