@@ -30,7 +30,35 @@ def bent(closer: Closer, closed: Closed) -> Closed:
         if followed is None or closer.cost_of(followed) > closer.cost_of(closed) - LEAST_GAIN:
             break
         closed = followed
+    return pruned(closer, closed)
+
+
+def pruned(closer: Closer, closed: Closed) -> Closed:
+    """The explanation without the forms that it does not need: one that bent first may have stood for one that bent later, or for another unit, and what is
+    not needed predicts nothing."""
+    while groups := _taken(closed):
+        gram = closed.products.pooled(np.maximum(1.0, _per_frame(closer, closed)))
+        whole, first = _evidence(gram, closed.places), len(closer.nuisance)
+        worth, least = min(((whole - _evidence(gram, [i for i in closed.places if i - first not in group]), group) for group in groups), key=lambda found: found[0])
+        if worth >= LEAST_GAIN:
+            break
+        kept = [i for i in range(len(closed.unknowns)) if i not in least]
+        with suppress(NoNumbersError):
+            less = closer.resume(closed.support, closed.variants, [closed.unknowns[i] for i in kept], closed.values[kept], closed.jacobian[kept])
+            if closer.cost_of(less) < closer.cost_of(closed) + LEAST_GAIN * float(np.max(_per_frame(closer, closed), initial=1.0)):
+                closed = less
+                continue
+        break
     return closed
+
+
+def _taken(closed: Closed) -> list[list[int]]:
+    """Places of the forms that an explanation has among its unknowns, those of one effect that go together."""
+    groups: dict[tuple[str, bool], list[int]] = {}
+    for place, unknown in enumerate(closed.unknowns):
+        if unknown.role == "form":
+            groups.setdefault((unknown.effect, curves.is_point(unknown.name)), []).append(place)
+    return list(groups.values())
 
 
 def leaves(closer: Closer, closed: Closed) -> bool:
@@ -89,11 +117,11 @@ def _gain(closer: Closer, closed: Closed, forms: list[Unknown]) -> tuple[float, 
     if np.all((before == 0.0) | (after > MOST_KEPT * before)):
         return -np.inf, forms, jacobian
     gram = table.pooled(np.maximum(1.0, left))
-    return _evidence(gram, table.count) - _evidence(gram, table.count - len(forms)), forms, jacobian
+    everything = list(range(table.count))
+    return _evidence(gram, everything) - _evidence(gram, everything[: -len(forms)]), forms, jacobian
 
 
-def _evidence(gram: np.ndarray, count: int) -> float:
-    """Log, of the first so many columns."""
-    places = list(range(count))
+def _evidence(gram: np.ndarray, places: list[int]) -> float:
+    """Log, of columns."""
     coefficients, determinant = explain.posterior_mean(gram, places)
     return -0.5 * (float(gram[-1, -1] - gram[places, -1] @ coefficients) + determinant)

@@ -87,7 +87,7 @@ def _closed(closer: Closer, counts: dict[str, int], known: tuple[Closed, Standin
     if known is not None:
         best, there = known
         assert there.jacobian is not None
-        followed = closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian)
+        followed = forms.pruned(closer, closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian))
         closed = _with_one_more(closer, followed, counts, settled)
     for entry in _worth_closing(_ranked(closer.table, found), len(found.nuisances)) if largest else []:
         if entry.support not in closed and len(entry.support) <= largest:
