@@ -92,3 +92,15 @@ def test_forms_that_the_recording_cannot_show_are_left_out() -> None:
     found = [u.name for u in forms.forms_of(ID, Made(4).bench)]  # type: ignore[arg-type]
     assert found == [p.name for p in curves.seen(effects.find(ID), SHELL_DEGC)]
     assert [u.name for u in forms.forms_of("amplitude_damping", Made(4).bench)] == ["power_beyond_square"]  # type: ignore[arg-type]
+
+
+def test_a_bend_that_is_no_longer_needed_is_dropped_and_one_that_is_stays() -> None:
+    made = Made(6)
+    closer, straight = made.closed(3.0 * made.base + made.bump() + made.noise)
+    bent = forms.bent(closer, straight)
+    assert forms.pruned(closer, bent) is bent
+    other, alone = made.closed(3.0 * made.base + made.noise)
+    again = other.resume(bent.support, bent.variants, bent.unknowns, bent.values, bent.jacobian)
+    found = forms.pruned(other, again)
+    assert [u.role for u in found.unknowns] == ["strength"]
+    assert found.values == pytest.approx(alone.values, rel=1e-3)

@@ -153,3 +153,12 @@ def test_beside_something_unknown_effects_are_believed_as_far_as_is_said() -> No
     assert found.marginal("clock_jitter") == pytest.approx(0.9)
     assert found.other == pytest.approx(0.9)
     assert sum(found.probability.values()) == pytest.approx(1.0)
+
+
+def test_what_something_unknown_may_be_instead_is_shared_with_it() -> None:
+    before = Hypotheses({("ageing",): 0.5, ("ageing", "interference"): 0.3, ("interference",): 0.1, (NONE,): 0.06, (OTHER,): 0.04})
+    after = hypotheses.shared_with_other(before, frozenset({"ageing"}), 0.4)
+    assert after.probability == pytest.approx({("ageing",): 0.3, ("ageing", "interference"): 0.18, ("interference",): 0.1, (NONE,): 0.06,
+                                               (OTHER,): 0.04 + 0.2, ("interference", OTHER): 0.12})
+    both = hypotheses.shared_with_other(before, frozenset({"ageing", "interference"}), 0.4)
+    assert both.probability == pytest.approx({**before.probability, ("ageing", "interference"): 0.18, (OTHER,): 0.04 + 0.12})

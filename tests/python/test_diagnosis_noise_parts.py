@@ -1,5 +1,7 @@
 """The parts of the look at noise, each against another method: evidence against sums over a fine grid, lines, curves and events against drawn ones."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.special import logsumexp
@@ -135,3 +137,34 @@ def test_instants_of_chance_swing_and_others_do_not():
     assert noise_events._swings(np.sin(rng.uniform(0.0, 2 * np.pi, 60)))
     assert not noise_events._swings(0.1 * rng.standard_normal(60))
     assert not noise_events._swings(np.abs(np.sin(rng.uniform(0.0, 2 * np.pi, 60))))
+
+
+# ---- lines in codes ---------------------------------------------------------------------------------------------------------------
+
+
+def line_of(added):
+    """Evidence of a line, and the values: bursts of secondary codes with white noise and something added to it, (samples,) of a generator and a burst."""
+    rng = np.random.default_rng(SEED)
+    n, bursts = np.arange(2500), []
+    for number in range(8):
+        x = 0.2 * np.cos(2 * np.pi * 0.10007 * n + number) + 2.2e-5 * rng.standard_normal(len(n)) + added(rng, n)
+        codes = np.round(x * 32768).astype(np.int32)
+        bursts.append(raw_codes._burst(_Codes({"secondary_adc_raw": codes}), "secondary_adc_raw", number))
+    evidence, values = {}, {}
+    raw_codes._lines(bursts, SimpleNamespace(bursts=[SimpleNamespace(sample_rate_hz=5e4)]), evidence, values)
+    return evidence["interference"], values
+
+
+def hump(rng, n):
+    """As strong as a line in all, spread over a hundredth of the sampling rate."""
+    narrow = np.exp(-0.5 * ((np.fft.rfftfreq(len(n)) - 0.085) / 0.004) ** 2)
+    noise = np.fft.irfft(np.fft.rfft(rng.standard_normal(len(n))) * narrow, len(n))
+    return 2e-5 * noise / np.std(noise)
+
+
+def test_a_line_in_codes_is_found_and_a_hump_is_none():
+    score, values = line_of(lambda rng, n: 6e-6 * np.cos(2 * np.pi * 0.0871 * n + rng.uniform(0.0, 6.28)))
+    assert score > 10.0
+    assert dict((name, value) for name, value, _, _ in values["interference"]) == pytest.approx({"amplitude_fs": 6e-6, "frequency_hz": 4355.0}, rel=0.15)
+    assert line_of(hump)[0] < 0.0
+    assert line_of(lambda rng, n: 0.0)[0] < 0.0

@@ -83,6 +83,18 @@ def with_other(found: Hypotheses) -> Hypotheses:
     return Hypotheses(kept)
 
 
+def shared_with_other(found: Hypotheses, effects: frozenset[str], share: float) -> Hypotheses:
+    """Of every set with all of these effects this share as something unknown in their place."""
+    kept: dict[Ids, float] = {(NONE,): found.none, (OTHER,): 0.0}
+    for ids, p in found.probability.items():
+        part = share if effects <= set(ids) else 0.0
+        instead = tuple(sorted({*ids, OTHER} - effects))
+        kept[ids] = (kept.get(ids, 0.0) if ids != (NONE,) else 0.0) + (1.0 - part) * p
+        if part:
+            kept[instead] = kept.get(instead, 0.0) + part * p
+    return Hypotheses(kept)
+
+
 def doubted(found: Hypotheses, traced: frozenset[str], believed: float) -> Hypotheses:
     """Of every set with something unknown in it, effects without a trace of their own are believed to this share."""
     kept: dict[Ids, float] = {(NONE,): 0.0, (OTHER,): 0.0}

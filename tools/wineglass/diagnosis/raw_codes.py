@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from wineglass.device import Device
 from wineglass.diagnosis import curve_of_codes
@@ -36,6 +37,8 @@ LEAST_DITHER = 0.3
 """of a step: noise that moves codes for certain"""
 MODEL_ERROR = 0.03
 CERTAIN = 50.0
+AROUND = 25
+"""bins about a line: it stands over their median"""
 RIPPLE_BITS, RIPPLE_FIRST = 17, 64
 """resolution over the code; periods longer than so many to the full range are curves, which harmonics show"""
 
@@ -352,7 +355,7 @@ def _surprise(ratio: float, tolerance: float, z: float) -> float:
 
 
 def _lines(bursts: list[Burst], recording: Recording, evidence: dict[str, float], values: Values) -> None:
-    """A tone away from the carrier in the secondary codes, in all bursts at one frequency."""
+    """A tone away from the carrier in the secondary codes, in all bursts at one frequency, over what is around it: a hump is a loop's."""
     own = [burst for burst in bursts if burst.channel == CHANNELS[1]]
     length = min((burst.samples for burst in own), default=0)
     if not own or length < LEAST_SAMPLES:
@@ -366,13 +369,14 @@ def _lines(bursts: list[Burst], recording: Recording, evidence: dict[str, float]
         folded = abs((m * carrier + 0.5) % 1.0 - 0.5)
         near |= np.abs(place - folded) < (6.0 if m <= 1 else 2.5) / length
     power = np.where(near | (place < 3.0 / length), 1.0, power)
-    at = int(np.argmax(power))
-    ratio, count = float(power[at]), 0.7 * len(own)
+    around = np.maximum(1.0, median_filter(power, AROUND))
+    at = int(np.argmax(power / around))
+    ratio, count = float(power[at] / around[at]), 0.7 * len(own)
     score = count * (ratio - 1.0 - math.log(max(ratio, 1e-9))) - math.log(len(power)) - 3.0
     evidence["interference"] = max(score, -5.0)
     if score > 3.0:
         variance = float(np.mean([burst.variance for burst in own]))
-        amplitude = 2.0 * math.sqrt(max(ratio - 1.0, 0.0) * variance * np.sum(window**2)) / np.sum(window)
+        amplitude = 2.0 * math.sqrt(max(ratio - 1.0, 0.0) * float(around[at]) * variance * np.sum(window**2)) / np.sum(window)
         rate = recording.bursts[0].sample_rate_hz
         values["interference"] = [("amplitude_fs", amplitude, 0.2 * amplitude, "FS"),
                                   ("frequency_hz", float(place[at]) * rate, 0.5 * rate / length, "Hz")]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wineglass import __version__, effects
-from wineglass.diagnosis import confirmation, hypotheses, menu
+from wineglass.diagnosis import confirmation, hypotheses, menu, plain
 from wineglass.diagnosis.channels import unit_of
 from wineglass.diagnosis.closure import POLAR_ROLES, Closed
 from wineglass.diagnosis.confirmation import Change, Confirmed
@@ -22,6 +22,7 @@ from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, s
 COMPUTED_BY = "full twin with the effects added, firmware in the loop"
 UNKNOWN_ABOVE = 0.5
 NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of it
+IMITATED = 0.4  # of an explanation that as few plain laws would imitate as it has numbers: that it is something unknown
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
 ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.965, 0.98  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
 PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
@@ -89,6 +90,18 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
     return Outcome("unknown", outcome.named[:1], outcome.chosen), hypotheses.with_other(weighed)
 
 
+def _held_to_imitation(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
+    """What nobody could tell from a plain law that something unknown obeys is not named alone. What noise, lines, events or codes show stands without that."""
+    traced = frozenset(noise.named if noise is not None else ())
+    if outcome.chosen is None or not outcome.named or set(outcome.chosen.support) <= traced or not plain.imitable(found, outcome.chosen):
+        return outcome, weighed
+    weighed = hypotheses.shared_with_other(weighed, frozenset(outcome.chosen.support) - traced, IMITATED)
+    if outcome.verdict != "attributed":
+        return outcome, weighed
+    beside = tuple(sorted({*(set(outcome.named[0]) & traced), OTHER}))
+    return replace(outcome, verdict="ambiguous", named=[outcome.named[0], beside]), weighed
+
+
 def _enough(outcome: Outcome) -> float:
     """Of the held-out gap, that an explanation has to remove: noise alone removes none."""
     if outcome.chosen is None:
@@ -131,6 +144,7 @@ def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | No
     outcome = decide(found, weighed)
     confirmed = confirmation.confirm(found, outcome.chosen)
     outcome, weighed = _held_to_the_gap(found, outcome, weighed, confirmed, noise)
+    outcome, weighed = _held_to_imitation(found, outcome, weighed, noise)
     believed, weighed = _beside_unknown(outcome, weighed, confirmed.total.fraction, noise)
     if outcome.chosen is not None and believed.chosen is None:
         confirmed = confirmation.confirm(found, None)
