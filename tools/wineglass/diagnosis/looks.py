@@ -20,7 +20,7 @@ from wineglass.diagnosis.task import Task
 
 CLOSED_SINGLES, CLOSED_SETS = 4, 3
 ORDINARY = 3  # single effects beside which the unit is least off its description
-MOST_BENT = 4  # explanations, the best first, whose forms may bend
+MOST_BENT = 2  # single effects, and explanations of any size, the best first, whose forms may bend
 PARTED = 1  # sets of each size that are also tried without each of their effects
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
@@ -93,10 +93,10 @@ def _closed(closer: Closer, counts: dict[str, int], known: tuple[Closed, Standin
         if entry.support not in closed and len(entry.support) <= largest:
             with suppress(NoNumbersError):
                 closed[entry.support] = closer.close(entry)
-    order = sorted(closed.values(), key=closer.cost_of)[:MOST_BENT]
+    order = sorted(closed.values(), key=closer.cost_of)
     own = [closed[known[0].support]] if known is not None else []
-    all_leave = bool(order) and forms.leaves(closer, order[0])
-    for straight in {entry.support: entry for entry in [*own, *(order if all_leave else [])]}.values() if bend else []:
+    able = [*order[:MOST_BENT], *[entry for entry in order if len(entry.support) == 1][:MOST_BENT]] if order and forms.leaves(closer, order[0]) else []
+    for straight in {entry.support: entry for entry in [*own, *able]}.values() if bend else []:
         bent = forms.bent(closer, straight)
         if bent is not straight:
             alone = settled or known is None or bent.support != known[0].support
