@@ -82,6 +82,25 @@ def test_beside_something_unknown_only_what_removes_most_is_named(removed: float
     assert weighed.other == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(("removed", "named"), [(0.95, True), (0.85, False)])
+def test_several_effects_beside_something_unknown_answer_for_each_other(removed: float, named: bool) -> None:
+    weighed = Hypotheses({("ageing", "drive_phase", OTHER): 1.0, (NONE,): 0.0, (OTHER,): 0.0})
+    said, weighed = twin_verdict._beside_unknown(outcome("unknown", "ageing", "drive_phase"), weighed, removed, None)
+    assert said.named == ([("ageing", "drive_phase")] if named else [])
+    assert weighed.marginal("ageing") == pytest.approx(removed**4)
+
+
+@pytest.mark.parametrize("imitable", [True, False])
+def test_what_plain_laws_would_imitate_is_not_named_alone(imitable: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(twin_verdict.plain, "imitable", lambda found, closed: imitable)
+    said, weighed = twin_verdict._held_to_imitation(None, outcome("attributed", "ageing"), certain("ageing"), None)  # type: ignore[arg-type]
+    assert said.verdict == ("ambiguous" if imitable else "attributed") and said.named[0] == ("ageing",)
+    assert ((OTHER,) in said.named) == imitable
+    assert weighed.marginal("ageing") == pytest.approx(0.6 if imitable else 1.0, abs=0.03)
+    by_line, _ = twin_verdict._held_to_imitation(None, outcome("attributed", "interference"), certain("interference"), noise("interference"))  # type: ignore[arg-type]
+    assert by_line.verdict == "attributed"
+
+
 def test_what_has_a_trace_of_its_own_stays_named_beside_something_unknown() -> None:
     weighed = Hypotheses({("ageing", "clock_jitter", "flicker_noise", OTHER): 1.0, (NONE,): 0.0, (OTHER,): 0.0})
     before = Outcome("unknown", [("ageing", "clock_jitter", "flicker_noise")], closed("ageing"))  # type: ignore[arg-type]

@@ -28,6 +28,7 @@ SHAPE_STEP, STRENGTH_STEP = 0.05, 0.005
 NEIGHBOURS = 2  # moments of the linear pass, on either side, between which a step is looked for
 POLAR_ROLES = ("cosine", "sine")
 BENT_PRIOR = float(np.log(0.1))  # of an effect whose law is bent
+AT_ONCE = 50  # moments whose responses are held in memory together
 MOMENT_S = 2.0  # about the moment that a linear pass found
 
 
@@ -157,11 +158,11 @@ class Closer:
         for place in range(max(0, here - NEIGHBOURS), min(len(rivals), here + NEIGHBOURS)):
             until = rivals[place + 1].shapes["time_s"] if place + 1 < len(rivals) else time_s[-1]
             column = self.responses.values[rivals[place].columns[0]][self.pick]
-            moments = time_s[(time_s >= rivals[place].shapes["time_s"]) & (time_s < until)]
-            gains, sizes = self._gains(column * (time_s >= moments[:, None, None]))
-            first = int(np.argmax(gains)) if len(gains) else 0
-            if len(gains) and gains[first] > best[0]:
-                best = (float(gains[first]), rivals[place], float(moments[first]), float(sizes[first]))
+            able_s = time_s[(time_s >= rivals[place].shapes["time_s"]) & (time_s < until)]
+            for moments in (able_s[i : i + AT_ONCE] for i in range(0, len(able_s), AT_ONCE)):
+                gains, sizes = self._gains(column * (time_s >= moments[:, None, None]))
+                first = int(np.argmax(gains))
+                best = max(best, (float(gains[first]), rivals[place], float(moments[first]), float(sizes[first])), key=lambda found: found[0])
         if best[0] == 0.0:
             return start
         scale = self.responses.columns[best[1].columns[0]].scale

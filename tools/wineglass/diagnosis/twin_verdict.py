@@ -120,12 +120,13 @@ def _by_traces_alone(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvide
 
 
 def _beside_unknown(outcome: Outcome, weighed: Hypotheses, removed: float | None, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
-    """What something unknown is beside may be its doing: effects are believed as the square of what they remove, and named if that is most likely. What
-    noise, lines, events or codes have named stands without that, but for a bias that wanders."""
+    """What something unknown is beside may be its doing: an effect is believed as the square of what it removes, each of several as the square for all of them,
+    and named if that is most likely. What noise, lines, events or codes have named stands without that, but for a bias that wanders."""
     if outcome.verdict != "unknown" or removed is None:
         return outcome, weighed
     traced = frozenset(noise.named if noise is not None else ()) - {"flicker_noise"}
-    weighed = hypotheses.doubted(weighed, traced, min(1.0, max(0.0, removed)) ** 2)
+    several = max(1, len(set(outcome.named[0]) - traced - {OTHER})) if outcome.named else 1
+    weighed = hypotheses.doubted(weighed, traced, min(1.0, max(0.0, removed)) ** (2 * several))
     named = tuple(e for e in (outcome.named[0] if outcome.named else ()) if weighed.marginal(e) > NAMED_BESIDE)
     chosen = outcome.chosen if outcome.chosen is not None and set(named) & set(outcome.chosen.support) else None
     return Outcome("unknown", [named] if named else [], chosen), weighed
