@@ -329,8 +329,9 @@ def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change:
     length = float(step @ step)
     if length < NO_STEP:
         return jacobian
-    missing = change - np.einsum("kcn,k->cn", jacobian, step * spread)
-    return jacobian + (step / length / spread)[:, None, None] * missing[None]
+    with np.errstate(over="ignore", invalid="ignore"):  # what is beyond all numbers is refused where it is weighed
+        missing = change - np.einsum("kcn,k->cn", jacobian, step * spread)
+        return jacobian + (step / length / spread)[:, None, None] * missing[None]
 
 
 def within_bounds(unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
