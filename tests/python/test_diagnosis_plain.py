@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -37,3 +38,10 @@ def test_laws_that_the_recording_does_not_show_do_nothing() -> None:
     laws = np.vstack([np.zeros(LENGTH), np.ones(LENGTH)])
     wanted = 5.0 * np.sin(np.arange(LENGTH))
     assert plain._picked(laws @ laws.T, laws @ wanted, float(wanted @ wanted), 2) == 3
+
+
+def test_a_law_of_the_bias_is_its_effect_by_definition(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plain, "laws_needed", lambda found, closed, most: 1)
+    unknowns = [SimpleNamespace(role="strength", effect="x", name="size")]
+    assert not plain.imitable(None, SimpleNamespace(support=("thermal_gradient",), unknowns=unknowns))  # type: ignore[arg-type]
+    assert plain.imitable(None, SimpleNamespace(support=("drive_phase", "thermal_gradient"), unknowns=unknowns))  # type: ignore[arg-type]

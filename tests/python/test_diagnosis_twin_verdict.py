@@ -12,7 +12,7 @@ from wineglass.diagnosis.changes import Change
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.hypotheses import Hypotheses
 from wineglass.diagnosis.noise_level import NoiseEvidence
-from wineglass.diagnosis.twin_verdict import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, SHAKEN, Outcome
+from wineglass.diagnosis.twin_verdict import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, NEARLY_REMOVED, NOISE_LEFT, SHAKEN, Outcome
 from wineglass.diagnosis.vocabulary import NONE, OTHER
 
 GRID = Grid(0.25, 0, 200)
@@ -23,8 +23,9 @@ def closed(*support: str) -> SimpleNamespace:
     return SimpleNamespace(support=support)
 
 
-def confirmed(removed: float | None, before: float = 50.0) -> SimpleNamespace:
-    return SimpleNamespace(total=SimpleNamespace(fraction=removed, before=before))
+def confirmed(removed: float | None, before: float = 50.0, after: float = 5.0, most: float = 0.0) -> SimpleNamespace:
+    """most: upper end of the interval of what is removed."""
+    return SimpleNamespace(total=SimpleNamespace(fraction=removed, before=before, after=after, interval=(0.0, most)))
 
 
 def outcome(verdict: str, *ids: str, chosen: bool = True) -> Outcome:
@@ -44,12 +45,25 @@ def held(said: Outcome, weighed: Hypotheses, removed: float | None, before: floa
 
 
 @pytest.mark.parametrize(("ids", "removed", "verdict"), [
-    (("ageing",), ENOUGH_REMOVED + 0.01, "attributed"), (("ageing",), ENOUGH_REMOVED - 0.01, "unknown"),
+    (("ageing",), ENOUGH_REMOVED + 0.01, "attributed"), (("ageing",), NEARLY_REMOVED - 0.01, "unknown"),
     (("ageing", "pickoff_gain"), ENOUGH_OF_SEVERAL + 0.01, "attributed"), (("ageing", "pickoff_gain"), ENOUGH_OF_SEVERAL - 0.01, "unknown")])
 def test_several_effects_must_leave_less_than_one_to_stand_alone(ids: tuple[str, ...], removed: float, verdict: str) -> None:
     said, weighed = held(outcome("attributed", *ids), certain(*ids), removed)
     assert said.verdict == verdict
     assert (weighed.other > 0.9) == (verdict == "unknown")
+
+
+@pytest.mark.parametrize(("found", "verdict"), [
+    (confirmed(NEARLY_REMOVED + 0.01), "ambiguous"), (confirmed(0.8, 3.0, NOISE_LEFT - 0.1, 0.99), "ambiguous"),
+    (confirmed(0.8, 3.0, NOISE_LEFT + 0.1, 0.99), "unknown"), (confirmed(0.8, 3.0, NOISE_LEFT - 0.1, ENOUGH_REMOVED - 0.01), "unknown")])
+def test_what_nearly_explains_all_may_have_something_beside_it(found: SimpleNamespace, verdict: str) -> None:
+    analysis = SimpleNamespace(closed_for=lambda ids: closed("ageing"))
+    said, weighed = twin_verdict._held_to_the_gap(analysis, outcome("attributed", "ageing"), certain("ageing"), found, None)  # type: ignore[arg-type]
+    assert said.verdict == verdict
+    if verdict == "ambiguous":
+        assert said.named == [("ageing",), ("ageing", OTHER)] and sum(weighed.probability.values()) == pytest.approx(1.0)
+        assert weighed.probability["ageing",] == pytest.approx(0.6 * 0.98) and weighed.probability["ageing", OTHER] == pytest.approx(0.4 * 0.98)
+        assert twin_verdict._next(analysis, said).run.startswith("the same protocol again")  # type: ignore[arg-type, union-attr]
 
 
 def test_noise_alone_explains_no_gap_of_means() -> None:

@@ -60,7 +60,7 @@ def _named(diagnosis: Diagnosis) -> set[str]:
     order = [h.ids for h in sorted(diagnosis.hypotheses, key=lambda h: -h.probability)]
     alternatives = [set(ids) for ids in diagnosis.alternatives if ids != [OTHER]]
     best = next((set(ids) for ids in order if set(ids) in alternatives), alternatives[0])
-    return best
+    return best - {OTHER}
 
 
 def _table(effect: EffectFound) -> EffectTable | None:

@@ -83,6 +83,15 @@ def with_other(found: Hypotheses) -> Hypotheses:
     return Hypotheses(kept)
 
 
+def perhaps_with_other(found: Hypotheses, share: float) -> Hypotheses:
+    """Every explanation to this share with something unknown beside it."""
+    kept: dict[Ids, float] = {}
+    for hypotheses, part in ((found, 1.0 - share), (with_other(found), share)):
+        for ids, p in hypotheses.probability.items():
+            kept[ids] = kept.get(ids, 0.0) + part * p
+    return Hypotheses(kept)
+
+
 def shared_with_other(found: Hypotheses, effects: frozenset[str], share: float) -> Hypotheses:
     """Of every set with all of these effects this share as something unknown in their place."""
     kept: dict[Ids, float] = {(NONE,): found.none, (OTHER,): 0.0}

@@ -17,8 +17,14 @@ MOST = 5  # laws that are tried
 LEAST_LENGTH = 1e-3  # of a law, whitened: below it the recording does not show it
 
 
+BY_DEFINITION = frozenset({"thermal_gradient", "ageing", "thermal_hysteresis"})
+"""Effects that are nothing but a law of the bias: whatever obeys it is called so"""
+
+
 def imitable(found: TwinAnalysis, closed: Closed) -> bool:
-    """Do as few plain laws as the explanation has numbers, what is uncertain moving along?"""
+    """Do as few plain laws as the explanation has numbers, what is uncertain moving along? Not asked of effects that are such a law by definition."""
+    if set(closed.support) <= BY_DEFINITION:
+        return False
     numbers = sum(u.role != "form" for u in closed.unknowns) + len({(u.effect, curves.is_point(u.name)) for u in closed.unknowns if u.role == "form"})
     return laws_needed(found, closed, min(MOST, numbers)) <= numbers
 

@@ -23,6 +23,8 @@ COMPUTED_BY = "full twin with the effects added, firmware in the loop"
 UNKNOWN_ABOVE = 0.5
 NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of it
 IMITATED = 0.4  # of an explanation that as few plain laws would imitate as it has numbers: that it is something unknown
+NEARLY_REMOVED = 0.93  # by a single effect: what it leaves may be its own law's
+NOISE_LEFT = 1.3  # floors: a small gap of which no more is left says little about how much of it was removed
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
 ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.965, 0.98  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
 PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
@@ -87,6 +89,9 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
         return _by_traces_alone(found, weighed, noise)
     if outcome.verdict == "unknown" or removed >= _enough(outcome):
         return outcome, weighed
+    if _nearly(outcome, confirmed):
+        both = [outcome.named[0], tuple(sorted({*outcome.named[0], OTHER}))]
+        return replace(outcome, verdict="ambiguous", named=both), hypotheses.perhaps_with_other(weighed, IMITATED)
     return Outcome("unknown", outcome.named[:1], outcome.chosen), hypotheses.with_other(weighed)
 
 
@@ -100,6 +105,14 @@ def _held_to_imitation(found: TwinAnalysis, outcome: Outcome, weighed: Hypothese
         return outcome, weighed
     beside = tuple(sorted({*(set(outcome.named[0]) & traced), OTHER}))
     return replace(outcome, verdict="ambiguous", named=[outcome.named[0], beside]), weighed
+
+
+def _nearly(outcome: Outcome, confirmed: Confirmed) -> bool:
+    """May what a single effect leaves be its own, because its law is not quite the one that is stated, or because the gap is too small to say what is left?"""
+    assert confirmed.total.fraction is not None and confirmed.total.interval is not None
+    single = outcome.verdict == "attributed" and outcome.chosen is not None and len(outcome.chosen.support) == 1
+    nothing_left = confirmed.total.after <= NOISE_LEFT and confirmed.total.interval[1] >= ENOUGH_REMOVED
+    return single and (confirmed.total.fraction >= NEARLY_REMOVED or nothing_left)
 
 
 def _enough(outcome: Outcome) -> float:
@@ -367,8 +380,12 @@ def _next(found: TwinAnalysis, outcome: Outcome) -> NextExperiment | None:
     if outcome.verdict == "unknown":
         return NextExperiment(run="the same protocol again, without a change", separates=[], predicted_separation=None,
                               why="what repeats follows temperature, rate or amplitude; what does not follows time or something unrecorded")
-    pair = [closed for closed in (found.closed_for(ids) for ids in outcome.named) if closed is not None][:2]
+    able = {closed.support: closed for closed in (found.closed_for(ids) for ids in outcome.named) if closed is not None}
+    pair = list(able.values())[:2]
     names = [list(ids) for ids in outcome.named]
+    if len(pair) < 2 and len(outcome.named) == 2 and set(outcome.named[1]) - set(outcome.named[0]) == {OTHER} and set(outcome.named[0]) < set(outcome.named[1]):
+        return NextExperiment(run="the same protocol again, without a change", separates=names, predicted_separation=None,
+                              why="what is left and repeats belongs to the effect's law; what does not is something else")
     if len(pair) < 2:
         return NextExperiment(run="the protocol full", separates=names, predicted_separation=None, why="it excites every stage")
     proposal = menu.propose(found, pair[0], pair[1])

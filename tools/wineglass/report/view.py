@@ -134,7 +134,7 @@ def _alike_at_rate_level(found: Analysis, diagnosis: Diagnosis) -> Alikeness | N
 def _alike_at_twin_level(examined: Examined) -> Alikeness | None:
     """Named explanations: correlation of their whitened responses over all channels, beyond what the description leaves uncertain."""
     found = examined.analysis
-    sets = [ids for ids in examined.verdict.outcome.named if ids != (OTHER,) and found.closed_for(ids) is not None]
+    sets = [ids for ids in examined.verdict.outcome.named if OTHER not in ids and found.closed_for(ids) is not None]
     if len(sets) < 2:
         return None
     signals = np.array([found.system.whiten(found.closed_for(ids).response).ravel() for ids in sets])
