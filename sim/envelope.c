@@ -665,6 +665,11 @@ static void begin(struct envelope *e, const struct envelope_profile *profile)
     }
 }
 
+static bool within_bound(const struct envelope *e)
+{
+    return e->cfg.most_single_ticks == 0 || e->single_ticks <= e->cfg.most_single_ticks;
+}
+
 int32_t envelope_run(struct envelope *envelope, const struct envelope_profile *profile, const struct envelope_record *record)
 {
     if (!profile_sound(envelope, profile)) {
@@ -672,13 +677,15 @@ int32_t envelope_run(struct envelope *envelope, const struct envelope_profile *p
     }
     begin(envelope, profile);
     double per_tick = 1.0 / ((double)envelope->cfg.step_ticks * envelope->cfg.frame_steps);
-    for (uint64_t first = 0; first < profile->n_steps; first += envelope->cfg.frame_steps) {
+    int32_t result = TWIN_OK;
+    for (uint64_t first = 0; first < profile->n_steps && result == TWIN_OK; first += envelope->cfg.frame_steps) {
         double sum[ENVELOPE_CHANNELS] = {0.0};
         for (uint32_t i = 0; i < envelope->cfg.frame_steps; i++) {
             advance(envelope, first + i, sum);
         }
         write_frame(record, first / envelope->cfg.frame_steps, sum, per_tick);
+        result = within_bound(envelope) ? TWIN_OK : TWIN_ERROR_LIMITED;
     }
     envelope->profile = NULL;
-    return TWIN_OK;
+    return result;
 }

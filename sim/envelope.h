@@ -31,6 +31,7 @@ struct envelope_cfg {
     uint32_t start;                /* enum envelope_start */
     uint32_t n_effects;            /* 0; entries of effects */
     const struct effect_setting *effects;
+    uint64_t most_single_ticks;    /* 0: any number; a run that needs more one by one is given up: its forces stand at their limits all along */
 };
 
 /* Commands to the firmware, as telemetry's counterpart would send them. */
@@ -92,7 +93,8 @@ WG_EXPORT void envelope_destroy(struct envelope *envelope);
 /* Back to power-up: the same run again, without the cost of creation. */
 WG_EXPORT void envelope_reset(struct envelope *envelope);
 
-/* Runs profile->n_steps steps, a multiple of frame_steps, from where the last call ended. 0 or a negative enum twin_error. */
+/* Runs profile->n_steps steps, a multiple of frame_steps, from where the last call ended. 0 or a negative enum twin_error;
+ * TWIN_ERROR_LIMITED: it ends at the frame where the bound was passed, and only a reset goes on from there. */
 WG_EXPORT int32_t envelope_run(struct envelope *envelope, const struct envelope_profile *profile, const struct envelope_record *record);
 
 /* Sample counter of the slow tick that ends step number `step` (0, 1, ...); the first step begins step_ticks slow ticks before the end of

@@ -64,6 +64,9 @@ class LinearBench:
             found = found + since * sum(value * self.columns[setting.id, name] for name, value in setting.values.items() if (setting.id, name) in self.columns)
         return found
 
+    def tried(self, settings: Sequence[Setting]) -> np.ndarray:
+        return self.run(settings) - self.nominal
+
     def at(self, unit: LinearUnit, shell_off: float) -> LinearBench:
         return replace(self, unit=unit, shell_off=shell_off)
 

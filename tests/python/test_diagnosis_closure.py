@@ -10,9 +10,10 @@ from linear_bench import LinearBench, ridge, system_of
 from scipy.optimize import least_squares
 
 from wineglass.diagnosis.channels import Grid
-from wineglass.diagnosis.closure import NEIGHBOURS, Closed, Closer, NoNumbersError, Unknown, settings_of, within_bounds
+from wineglass.diagnosis.closure import NEIGHBOURS, Closed, Closer, NoNumbersError
 from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.responses import REACH, Column, Responses, Variant
+from wineglass.diagnosis.unknowns import Unknown, settings_of, within_bounds
 from wineglass.effects import Setting
 
 SEED = 20

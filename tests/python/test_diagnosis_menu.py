@@ -11,8 +11,8 @@ from linear_bench import LinearBench, ridge, uncertainties
 from wineglass import protocols, scenario
 from wineglass.diagnosis import menu, responses
 from wineglass.diagnosis.channels import Grid
-from wineglass.diagnosis.closure import Unknown
 from wineglass.diagnosis.drive import Driven
+from wineglass.diagnosis.unknowns import Unknown
 from wineglass.effects import Setting
 
 NAMES = ("a", "b")

@@ -11,9 +11,9 @@ from linear_bench import LinearBench, ridge, system_of, uncertainties
 
 from wineglass.diagnosis import responses, standing
 from wineglass.diagnosis.channels import Frames, Grid
-from wineglass.diagnosis.closure import Unknown
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.system import System
+from wineglass.diagnosis.unknowns import Unknown
 from wineglass.effects import Setting
 
 GRID = Grid(0.5, 0, 240)

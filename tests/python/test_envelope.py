@@ -220,6 +220,23 @@ def test_a_second_run_is_the_first_one_again():
     assert all(np.array_equal(first[name], second[name]) for name in first.channels)
 
 
+def test_a_run_that_needs_more_single_ticks_than_allowed_is_refused_and_one_that_does_not_is_the_same():
+    """A rate beyond the rebalance force's range, all along: ticks are done one by one."""
+    beyond = run_of(duration_s=10.0, mode={"loop": "rebalance"}, rate={"value_deg_s": 400.0})
+    usual = run_of(duration_s=10.0, mode={"loop": "rebalance"}, rate={"value_deg_s": 3.0})
+    with Envelope(usual, frame_ticks=20) as free, Envelope(usual, frame_ticks=20, most_single_ticks=3000) as bounded:
+        first, second = free.run(), bounded.run()
+        assert 0 < free.single_ticks < 3000
+    assert all(np.array_equal(first[name], second[name]) for name in first.channels)
+    with Envelope(beyond, frame_ticks=20) as free:
+        free.run()
+        assert free.single_ticks > 5000
+    with Envelope(beyond, frame_ticks=20, most_single_ticks=3000) as bounded:
+        with pytest.raises(BadInput, match="at their limits"):
+            bounded.run()
+        assert bounded.single_ticks <= 3020, "it stops at the next frame"
+
+
 # ---- refusals ---------------------------------------------------------------------------------------------------------------
 
 

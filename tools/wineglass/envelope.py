@@ -60,9 +60,11 @@ class Envelope:
     """Envelope twin of a scenario. `run` starts from power-up, every time."""
 
     def __init__(self, run: Run, *, calibration_block: bytes | None = None, frame_ticks: int | None = None, step_ticks: int | None = None,
-                 effects: Iterable[Setting] = (), settled: bool = False, seed: int | None = None):
+                 effects: Iterable[Setting] = (), settled: bool = False, seed: int | None = None,
+                 most_single_ticks: int = 0):
         """frame_ticks: slow ticks per frame, None: the scenario's output rate. step_ticks: per step, None: the longest divisor of a frame up to 20 ms.
-        effects: beside those of the device. settled: begin in the steady state instead of with a cold start."""
+        effects: beside those of the device. settled: begin in the steady state instead of with a cold start. most_single_ticks: a run
+        that needs more slow ticks one by one is refused; 0: any number."""
         self.scenario_run = run
         self.frame_ticks = run.divisor(run.scenario.recording.output_hz) if frame_ticks is None else frame_ticks
         self.step_ticks = _step_ticks(self.frame_ticks, run.device.slow_rate_hz) if step_ticks is None else step_ticks
@@ -71,13 +73,14 @@ class Envelope:
                            "choose frames of one slow tick or more and a divisor of them")
         self.calibration_block = twin.block_for(run) if calibration_block is None else calibration_block
         self._envelope = ffi.NULL
+        self._most_single_ticks = most_single_ticks
         self._create(run, [*run.truth.effects, *effects], settled, run.scenario.seed if seed is None else seed)
 
     def _create(self, run: Run, effects: list[Setting], settled: bool, seed: int) -> None:
         settings = catalogue.settings(effects)
         block, error = self.calibration_block, ffi.new("int32_t *")
         cfg = ffi.new("struct envelope_cfg *", {"step_ticks": self.step_ticks, "frame_steps": self.frame_ticks // self.step_ticks,
-                                                "start": int(settled), "n_effects": len(effects), "effects": settings})
+                                                "start": int(settled), "n_effects": len(effects), "effects": settings, "most_single_ticks": self._most_single_ticks})
         self._envelope = library().envelope_create(twin.configuration(run, seed), cfg, ffi.from_buffer(block) if block else ffi.NULL,
                                                    len(block), error)
         if self._envelope == ffi.NULL:

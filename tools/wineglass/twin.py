@@ -38,6 +38,7 @@ _ERRORS = {
     -7: ("the profile asks for what the shell cannot be: a temperature at which its damping turns negative, or a number that is none",
          "check the scenario's temperature and rate"),
     -8: ("the effects cannot be simulated", "check their parameters, and switch on fewer at a time"),
+    -9: ("the forces stand at their limits for longer than the run allows", "ask for less rate or amplitude, or allow more single ticks"),
 }
 
 

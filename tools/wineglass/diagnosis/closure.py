@@ -6,16 +6,17 @@ and one more row of knowledge about it.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from wineglass import effects
-from wineglass.diagnosis import curves
+from wineglass.diagnosis.beginnings import begin
 from wineglass.diagnosis.explain import Explained, Support, explained, posterior_mean, prior_of
-from wineglass.diagnosis.responses import POLAR, REACH, Bench, Responses, Variant
+from wineglass.diagnosis.responses import Bench, Responses, Variant
 from wineglass.diagnosis.system import Products, System, grown, products
+from wineglass.diagnosis.unknowns import Unknown, differences, possible, respond, settings_of, within_bounds
 from wineglass.effects import Setting
 from wineglass.errors import BadInput
 
@@ -24,26 +25,9 @@ SLOW = 0.4  # share of what the linear system promised that a good step keeps; a
 ENOUGH = 0.3  # nats promised: then it is closed
 NO_STEP = 1e-24  # of spreads, squared: of so little no slope can be learnt
 NEGLIGIBLE = 1e-4  # of a prior's spread
-SHAPE_STEP, STRENGTH_STEP = 0.05, 0.005
 NEIGHBOURS = 2  # moments of the linear pass, on either side, between which a step is looked for
-POLAR_ROLES = ("cosine", "sine")
 BENT_PRIOR = float(np.log(0.1))  # of an effect whose law is bent
 AT_ONCE = 50  # moments whose responses are held in memory together
-MOMENT_S = 2.0  # about the moment that a linear pass found
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """One fitted number. role: 'strength', 'shape', 'form', 'cosine' or 'sine' (of double the axis); the prior is normal about `middle`."""
-
-    effect: str
-    name: str
-    role: str
-    start: float
-    middle: float
-    spread: float
-    low: float
-    high: float
 
 
 @dataclass
@@ -86,28 +70,6 @@ class Closed:
         return self
 
 
-def possible(unknowns: list[Unknown], values: np.ndarray) -> bool:
-    """No strength stands at the end of what physics allows."""
-    return all(u.low < v < u.high or v == 0.0 for u, v in zip(unknowns, values, strict=True) if u.role == "strength")
-
-
-def settings_of(unknowns: list[Unknown], values: np.ndarray) -> list[Setting]:
-    """Every effect switched on with these values, kept within their bounds."""
-    found: dict[str, dict[str, float]] = {}
-    for unknown, value in zip(unknowns, values, strict=True):
-        if unknown.role not in POLAR_ROLES:
-            value = min(max(float(value), unknown.low), unknown.high)
-        found.setdefault(unknown.effect, {})[unknown.role if unknown.role in POLAR_ROLES else unknown.name] = float(value)
-    return [Setting(effect, _polar(effect, given)) for effect, given in found.items()]
-
-
-def _polar(effect: str, given: dict[str, float]) -> dict[str, float]:
-    if effect not in POLAR:
-        return given
-    cosine, sine = given.pop("cosine"), given.pop("sine")
-    return {**given, POLAR[effect][0]: float(np.hypot(cosine, sine)), "axis_deg": float(np.degrees(0.5 * np.arctan2(sine, cosine)))}
-
-
 class NoNumbersError(ArithmeticError):
     """An explanation about which the envelope twin's responses are no numbers, or beyond them: it cannot be weighed."""
 
@@ -132,7 +94,7 @@ class Closer:
     def close(self, start: Explained) -> Closed:
         found = []
         for begun in (self._timed(start), *self._sudden(start)):
-            unknowns, jacobian = _begin(self.bench, self.responses, self.pick, begun)
+            unknowns, jacobian = begin(self.bench, self.responses, self.pick, begun)
             found.append(self._search(begun.support, begun.variants, unknowns, np.array([u.start for u in unknowns]), jacobian))
         return min(found, key=self.cost_of)
 
@@ -193,7 +155,7 @@ class Closer:
 
     def beside(self, closed: Closed, start: Explained) -> Closed:
         """An explanation with the effects of another one beside its own, which begin where a linear system has them."""
-        unknowns, jacobian = _begin(self.bench, self.responses, self.pick, start)
+        unknowns, jacobian = begin(self.bench, self.responses, self.pick, start)
         values = np.concatenate([closed.values, [u.start for u in unknowns]])
         support = tuple(sorted({*closed.support, *start.support}))
         return self._search(support, closed.variants + start.variants, closed.unknowns + unknowns, values, np.concatenate([closed.jacobian, jacobian]))
@@ -229,11 +191,12 @@ class Closer:
             else:
                 new = self._respond(unknowns, trial)
                 runs += 1
-                new_cost = self._cost(new, (trial - middle) / spread)
-                jacobian = _broyden(jacobian, (trial - values) / spread, spread, new - response)
+                new_cost = np.inf if new is None else self._cost(new, (trial - middle) / spread)
                 gained = cost - new_cost
-                if gained > 0.0:
-                    values, response, cost = trial, new, new_cost
+                if new is not None:
+                    jacobian = _broyden(jacobian, (trial - values) / spread, spread, new - response)
+                    if gained > 0.0:
+                        values, response, cost = trial, new, new_cost
             if gained >= SLOW * promised:
                 stride, fresh = min(1.0, 2.0 * stride), False
             elif fresh:
@@ -248,16 +211,22 @@ class Closer:
         return Closed(support, variants, unknowns, values, jacobian, response, found, runs)
 
     def _within_numbers(self, unknowns: list[Unknown], values: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The first values, or some nearer to the priors' middles, with which the twin's response is one."""
+        """The first values, or some nearer to the priors' middles, with which the twin has a response; nothing, where it has none anywhere: a unit may stand at
+        a limit of physics."""
         for _ in range(12):
             response = self._respond(unknowns, values)
-            if np.all(np.isfinite(response)):
-                break
+            if response is not None:
+                return values, response
             values = 0.5 * (values + middle)
-        return values, np.nan_to_num(response, nan=0.0, posinf=0.0, neginf=0.0)
+        return values, np.zeros_like(self.system.data)
 
-    def _respond(self, unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
-        return respond(self.bench, self.pick, unknowns, values)
+    def _respond(self, unknowns: list[Unknown], values: np.ndarray) -> np.ndarray | None:
+        """None: the twin refuses these values, or what it makes of them is beyond all numbers."""
+        with suppress(BadInput):
+            response = respond(self.bench, self.pick, unknowns, values)
+            if np.all(np.isfinite(response)):
+                return response
+        return None
 
     def _linear(self, jacobian: np.ndarray, response: np.ndarray, at: np.ndarray) -> Products:
         """The system about the present values; unknowns in spreads of their priors, `at` from their middles."""
@@ -291,39 +260,6 @@ class Closer:
         return 0.5 * float(np.sum(left**2) - along @ cho_solve(self._factor, along) + about @ about + at @ at)
 
 
-def respond(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
-    """(channels, n); with smaller values where the twin refuses these, and nothing where it refuses any: a unit may stand at a limit of physics."""
-    for _ in range(12):
-        try:
-            return (bench.run(settings_of(unknowns, values)) - bench.nominal)[pick]
-        except BadInput:
-            values = 0.5 * values
-    return np.zeros_like(bench.nominal[pick])
-
-
-def differences(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, response: np.ndarray, first: int = 0) -> np.ndarray:
-    """The Jacobian (k, channels, n) at these values, of unknowns from `first` on, by one run each, and one for all points of a curve, each of which has its
-    part of it at the temperature of the moment; response: the one there."""
-    rows = np.empty((len(unknowns) - first, *response.shape))
-    groups: dict[tuple[str, int], list[int]] = {}
-    for i, unknown in list(enumerate(unknowns))[first:]:
-        groups.setdefault((unknown.effect, -1 if curves.is_point(unknown.name) else i), []).append(i)
-    for places in groups.values():
-        parts = curves.parts(bench.measured_degc, [unknowns[i].name for i in places]) if len(places) > 1 else np.ones((1, 1))
-        rows[np.array(places) - first] = _slope(bench, pick, unknowns, values, response, places) * parts[:, None]
-    return rows
-
-
-def _slope(bench: Bench, pick: list[int], unknowns: list[Unknown], values: np.ndarray, response: np.ndarray, places: list[int]) -> np.ndarray:
-    """(channels, n): what one of a parameter does, or one of all of them together."""
-    step = max(SHAPE_STEP * u.spread if u.role == "shape" else STRENGTH_STEP * max(abs(values[i]), u.spread / REACH) for i, u in ((i, unknowns[i]) for i in places))
-    if any(values[i] + step > unknowns[i].high and unknowns[i].role not in POLAR_ROLES for i in places):
-        step = -step
-    moved = values.copy()
-    moved[places] += step
-    return (respond(bench, pick, unknowns, moved) - response) / step
-
-
 def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change: np.ndarray) -> np.ndarray:
     """The least change of the Jacobian (k, channels, n) that predicts the last change of the response."""
     length = float(step @ step)
@@ -332,94 +268,3 @@ def _broyden(jacobian: np.ndarray, step: np.ndarray, spread: np.ndarray, change:
     with np.errstate(over="ignore", invalid="ignore"):  # what is beyond all numbers is refused where it is weighed
         missing = change - np.einsum("kcn,k->cn", jacobian, step * spread)
         return jacobian + (step / length / spread)[:, None, None] * missing[None]
-
-
-def within_bounds(unknowns: list[Unknown], values: np.ndarray) -> np.ndarray:
-    return np.array([v if u.role in POLAR_ROLES else min(max(v, u.low), u.high) for u, v in zip(unknowns, values, strict=True)])
-
-
-# --- where it begins -------------------------------------------------------------------------------------------------------
-
-
-def _begin(bench: Bench, responses: Responses, pick: list[int], start: Explained) -> tuple[list[Unknown], np.ndarray]:
-    """Unknowns with their first values, and the first Jacobian."""
-    nuisances = len(responses.nuisances)
-    unknowns: list[Unknown] = []
-    rows: list[np.ndarray] = []
-    place = nuisances
-    for variant in start.variants:
-        coefficients = dict(zip(variant.columns, start.coefficients[place : place + len(variant.columns)], strict=True))
-        place += len(variant.columns)
-        found = _polar_start(responses, variant, coefficients) if variant.effect in POLAR else _straight_start(responses, variant, coefficients)
-        for unknown, column, per_unit in found:
-            unknowns.append(unknown)
-            rows.append(responses.values[column][pick] * per_unit)
-    shapes = [_shape(variant.effect, name, value) for variant in start.variants for name, value in variant.shapes.items()]
-    if shapes:
-        rows += _shape_rows(bench, pick, unknowns, shapes)
-    return [*unknowns, *shapes], np.array(rows)
-
-
-def _parameter(effect: str, name: str) -> effects.Parameter:
-    return next(p for p in effects.find(effect).parameters if p.name == name)
-
-
-def _straight_start(responses: Responses, variant: Variant, coefficients: dict[int, float]) -> list[tuple[Unknown, int, float]]:
-    found = []
-    for column in variant.columns:
-        probe = responses.columns[column].probe
-        assert probe is not None
-        record = _parameter(variant.effect, responses.columns[column].name)
-        unit = probe.values[record.name]
-        whole = responses.columns[column].scale != REACH
-        value = unit * coefficients[column] * responses.columns[column].scale
-        if whole:
-            value = min(max(value, 0.2 * unit), 5.0 * unit)
-        spread = abs(unit) if whole else REACH * abs(record.typical)
-        value = min(max(value, record.low), record.high)
-        unknown = Unknown(variant.effect, record.name, "form" if record.form else "strength", value, unit if whole else 0.0, spread, record.low, record.high)
-        found.append((unknown, column, 1.0 / unit))
-    return found
-
-
-def _polar_start(responses: Responses, variant: Variant, coefficients: dict[int, float]) -> list[tuple[Unknown, int, float]]:
-    """Columns come as (size, slope) at 0 deg and (size, slope) at 45 deg; the slope follows the axis of the size."""
-    size, slope = POLAR[variant.effect]
-    place = {(responses.columns[c].name, responses.columns[c].probe.values["axis_deg"]): c for c in variant.columns}  # type: ignore[union-attr]
-    record, slant = _parameter(variant.effect, size), _parameter(variant.effect, slope)
-
-    def value(name: str, axis: float) -> float:
-        column = place[name, axis]
-        return coefficients[column] * responses.columns[column].scale * responses.columns[column].probe.values[name]  # type: ignore[union-attr]
-
-    cosine, sine = value(size, 0.0), value(size, 45.0)
-    length = max(float(np.hypot(cosine, sine)), 1e-3 * record.typical)
-    low, high = record.low, record.high
-    found = [(Unknown(variant.effect, size, role, start, 0.0, REACH * record.typical, low, high), place[size, axis], 1.0 / record.typical)
-             for role, start, axis in (("cosine", cosine, 0.0), ("sine", sine, 45.0))]
-    if (slope, 0.0) in place:
-        best = 0.0 if abs(cosine) >= abs(sine) else 45.0
-        along = (value(slope, 0.0) * cosine + value(slope, 45.0) * sine) / length
-        along = min(max(along, slant.low), slant.high)
-        found.append((Unknown(variant.effect, slope, "strength", along, 0.0, REACH * slant.typical, slant.low, slant.high),
-                      place[slope, best], 1.0 / slant.typical))
-    return found
-
-
-def _shape(effect: str, name: str, value: float) -> Unknown:
-    record = _parameter(effect, name)
-    spread = MOMENT_S if name == "time_s" else max(abs(value), 0.1 * abs(record.typical), 1e-6)
-    return Unknown(effect, name, "shape", value, value, spread, record.low, record.high)
-
-
-def _shape_rows(bench: Bench, pick: list[int], strengths: list[Unknown], shapes: list[Unknown]) -> list[np.ndarray]:
-    unknowns = [*strengths, *shapes]
-    values = np.array([u.start for u in unknowns])
-    at = respond(bench, pick, unknowns, values)
-    rows = []
-    for i, shape in enumerate(shapes):
-        step = SHAPE_STEP * shape.spread
-        moved = values.copy()
-        moved[len(strengths) + i] += step
-        rows.append((respond(bench, pick, unknowns, moved) - at) / step)
-    return rows

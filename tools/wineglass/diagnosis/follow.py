@@ -12,13 +12,14 @@ import numpy as np
 from wineglass.diagnosis import changes, looks, responses, standing
 from wineglass.diagnosis.beside import LARGEST
 from wineglass.diagnosis.channels import Frames
-from wineglass.diagnosis.closure import Closed, NoNumbersError, possible
+from wineglass.diagnosis.closure import Closed, NoNumbersError
 from wineglass.diagnosis.explain import Support
 from wineglass.diagnosis.looks import ORDINARY, Look, strain
 from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.task import Task
 from wineglass.diagnosis.unit import FARTHEST
+from wineglass.diagnosis.unknowns import possible
 from wineglass.errors import BadInput
 
 FAR_OFF = 2.0  # standard deviations

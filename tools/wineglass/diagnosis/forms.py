@@ -8,8 +8,9 @@ import numpy as np
 
 from wineglass import effects
 from wineglass.diagnosis import curves, explain, system
-from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError, Unknown, differences
+from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
 from wineglass.diagnosis.responses import REACH, Bench
+from wineglass.diagnosis.unknowns import Unknown, differences
 
 LEFT = 0.2  # of the noise's energy in a channel: with less than that beyond it, no form has to bend
 LEAST_GAIN = 10.0  # nats, in units of what is left

@@ -12,15 +12,15 @@ import numpy as np
 from wineglass import protocols, scenario
 from wineglass.diagnosis import responses
 from wineglass.diagnosis.channels import Grid
-from wineglass.diagnosis.closure import Closed, settings_of
+from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.twin_level import TwinAnalysis
+from wineglass.diagnosis.unknowns import SHAPE_STEP, settings_of
 
 WORDS = {"rate": "rate steps", "chirp": "a rate chirp", "amplitude": "amplitude steps", "ring": "a ring-down with the drive off",
          "test": "forces on the sense axis", "free": "forces on the sense axis with the loop open"}
 THERMAL = "thermal cycles at two speeds"
 ENOUGH = 3.0  # nats
-SHAPE_STEP = 0.05
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from wineglass.scenario import Run
 NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference", "dropped_samples")
 """Effects whose mean over a frame is nothing, or that are over within a few: diagnosis/noise_level.py looks for them."""
 STEP_S = 0.04  # of the envelope twin
+MOST_LIMITED = 0.1  # of a run's slow ticks, beyond the nominal run's: an effect that holds the forces at their limits for longer is refused
 SLOPE_STEP = 0.02  # standard deviations
 WANDER, WANDER_TERMS = "wander of ", {"losses": 48}
 USUAL_TERMS = 24
@@ -37,6 +38,7 @@ SHELL, MEASURED = "shell reference", "temperature_measured"
 SHELL_OFFSET_DEGC = 0.05  # of a bench's shell thermometer
 POLAR = {"frequency_split": ("split_hz", "slope_hz_per_degc"), "damping_mismatch": ("mismatch", "slope_per_degc")}
 """Effects with an axis: size and axis are two Cartesian components of double the angle."""
+AXES_DEG = (0.0, 45.0)  # of these
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,7 @@ class Bench:
         self._inputs: Inputs | None = None
         self._truth = self.unit.device
         self.nominal = self.run()
+        self._most_single_ticks = self._singles + int(MOST_LIMITED * self._ticks * (grid.first + grid.count))
         self.slopes: list[tuple[str, np.ndarray]] | None = None
         """`uncertainties` about this bench, once they are known"""
         self.wander: list[tuple[str, np.ndarray]] | None = None
@@ -113,17 +116,23 @@ class Bench:
             found[nuisances.index(SHELL)] = self.shell_off
         return found
 
-    def run(self, settings: Sequence[Setting] = (), truth: Device | None = None, shell_offset_degc: float = 0.0) -> np.ndarray:
+    def tried(self, settings: Sequence[Setting]) -> np.ndarray:
+        """(channels, n): what effects do to the nominal run. BadInput where the twin refuses them, and where the forces would stand at their limits for long."""
+        return self.run(settings, most_single_ticks=self._most_single_ticks) - self.nominal
+
+    def run(self, settings: Sequence[Setting] = (), truth: Device | None = None, shell_offset_degc: float = 0.0, most_single_ticks: int = 0) -> np.ndarray:
         """(channels, n) with effects switched on, or with another device in truth."""
         run = self.driven.run
         changed = Run(run.scenario, run.device, self._truth if truth is None else truth)
-        with Envelope(changed, calibration_block=self.driven.calibration_block, frame_ticks=self._ticks, step_ticks=self._step, effects=settings) as envelope:
+        with Envelope(changed, calibration_block=self.driven.calibration_block, frame_ticks=self._ticks, step_ticks=self._step, effects=settings,
+                      most_single_ticks=most_single_ticks) as envelope:
             if self._inputs is None:
                 self._inputs = envelope.inputs()
             inputs = self._inputs
             if shell_offset_degc:
                 inputs = Inputs(inputs.rate_mean_rad_s, inputs.rate_end_rad_s, inputs.chamber_degc + shell_offset_degc)
             frames = envelope.run(inputs)
+            self._singles = envelope.single_ticks
         wanted = slice(self.grid.first, self.grid.first + self.grid.count)
         values = np.array([frames[name][wanted] for name in self.names])
         missing = self.grid.count - values.shape[1]
@@ -148,7 +157,7 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
             places = []
             for name, probe, scale in probes:
                 try:
-                    response = switched(probe) if effect.id in _LATER else bench.run([probe]) - bench.nominal
+                    response = switched(probe) if effect.id in _LATER else bench.tried([probe])
                 except BadInput:
                     continue
                 places.append(len(columns))
@@ -253,7 +262,7 @@ Probe = tuple[str, Setting, float]
 def _variants(bench: Bench, effect: effects.Effect) -> list[tuple[dict[str, float], list[Probe]]]:
     """Shapes, and the probes of each: name of the strength, setting, prior in multiples of the setting."""
     if effect.id in POLAR:
-        return [({}, [probe for axis in (0.0, 45.0) for probe in _strengths(effect, {"axis_deg": axis})])]
+        return [({}, [probe for axis in AXES_DEG for probe in _strengths(effect, {"axis_deg": axis})])]
     if effect.id in _WHOLE:
         return [({}, [(name, Setting(effect.id, {name: value}), 1.0)]) for name, value in _WHOLE[effect.id](bench)]
     shapes = _SHAPES.get(effect.id, lambda _: [{}])(bench)
@@ -268,13 +277,14 @@ def _strengths(effect: effects.Effect, shape: dict[str, float]) -> list[Probe]:
 def _curve(bench: Bench, effect: effects.Effect) -> Iterator[tuple[Column, np.ndarray]]:
     """One column per control point: the response to a curve that is the same everywhere, weighted as the point counts at the temperature of the moment."""
     points = curves.seen(effect, bench.shell_degc)
-    if effect.id in POLAR or not points:
+    if not points:
         return
-    everywhere = Setting(effect.id, {p.name: p.typical for p in curves.points(effect)})
-    response = bench.run([everywhere]) - bench.nominal
-    for point in points:
-        probe = Setting(effect.id, {point.name: point.typical})
-        yield Column(effect.id, probe, point.name, REACH), response * curves.weight(bench.measured_degc, point.name)
+    for shape in [{"axis_deg": axis} for axis in AXES_DEG] if effect.id in POLAR else [{}]:
+        everywhere = Setting(effect.id, {p.name: p.typical for p in curves.points(effect)} | shape)
+        response = bench.run([everywhere]) - bench.nominal
+        for point in points:
+            probe = Setting(effect.id, {point.name: point.typical, **shape})
+            yield Column(effect.id, probe, point.name, REACH), response * curves.weight(bench.measured_degc, point.name)
 
 
 def _lags(bench: Bench) -> list[tuple[str, float]]:

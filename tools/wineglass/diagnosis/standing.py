@@ -15,11 +15,11 @@ import numpy as np
 from wineglass.device import Device
 from wineglass.diagnosis import channels, explain, responses, system
 from wineglass.diagnosis.channels import Frames, Grid
-from wineglass.diagnosis.closure import Unknown, differences, settings_of, within_bounds
 from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.system import System
 from wineglass.diagnosis.unit import FARTHEST
+from wineglass.diagnosis.unknowns import Unknown, differences, settings_of, within_bounds
 from wineglass.effects import Setting
 from wineglass.errors import BadInput
 from wineglass.scenario import Run

@@ -9,7 +9,7 @@ import numpy as np
 from wineglass import __version__, effects
 from wineglass.diagnosis import confirmation, hypotheses, menu, plain
 from wineglass.diagnosis.channels import unit_of
-from wineglass.diagnosis.closure import POLAR_ROLES, Closed
+from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.confirmation import Change, Confirmed
 from wineglass.diagnosis.contract import (ChannelShrink, Diagnosis, EffectFound, Hypothesis, NextExperiment, Parameter, Provenance, Region, Shrink,
                                           TotalShrink, Where)
@@ -17,6 +17,7 @@ from wineglass.diagnosis.hypotheses import SETTLED, Hypotheses, Ids
 from wineglass.diagnosis.noise_level import NoiseEvidence
 from wineglass.diagnosis.responses import POLAR, STEP_S
 from wineglass.diagnosis.twin_level import ENGINE, TwinAnalysis
+from wineglass.diagnosis.unknowns import AXIS, POLAR_ROLES, folded_deg
 from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, stage_of
 
 COMPUTED_BY = "full twin with the effects added, firmware in the loop"
@@ -259,8 +260,9 @@ def _parameters(closed: Closed, effect: str, values: np.ndarray, covariance: np.
         unknown, deviation = closed.unknowns[i], float(np.sqrt(max(covariance[i, i], 0.0)))
         if unknown.role not in POLAR_ROLES:
             moment = 0.5 * STEP_S if unknown.role == "shape" and units[unknown.name] == "s" else 0.0
-            numbers.append(_number(unknown.name, float(values[i]), float(np.hypot(deviation, moment)), units[unknown.name]))
-    if effect in POLAR:
+            value = folded_deg(float(values[i])) if unknown.name == AXIS else float(values[i])
+            numbers.append(_number(unknown.name, value, float(np.hypot(deviation, moment)), units[unknown.name]))
+    if any(closed.unknowns[i].role in POLAR_ROLES for i in mine):
         numbers = [*_polar_numbers(closed, effect, mine, values, covariance), *numbers]
     return numbers
 
