@@ -22,7 +22,7 @@ from wineglass.errors import BadInput
 
 RUNS, FEW_RUNS, HOPELESS = 40, 10, 2.0  # HOPELESS: times the cost of the best explanation
 SLOW = 0.4  # share of what the linear system promised that a good step keeps; after a worse one the Jacobian is computed anew
-ENOUGH = 0.3  # nats promised: then it is closed
+ENOUGH, PART = 0.3, 0.003  # nats promised, and of what is left beyond noise: then it is closed
 NO_STEP = 1e-24  # of spreads, squared: of so little no slope can be learnt
 NEGLIGIBLE = 1e-4  # of a prior's spread
 NEIGHBOURS = 2  # moments of the linear pass, on either side, between which a step is looked for
@@ -178,13 +178,13 @@ class Closer:
         values, response = self._within_numbers(unknowns, values, middle)
         jacobian = np.where(np.isfinite(jacobian), jacobian, 0.0)
         cost = self._cost(response, (values - middle) / spread)
-        runs, stride = 1, 1.0
+        runs, stride, noise = 1, 1.0, 0.5 * float(np.sum(self.system.n_rows))
         while runs < (RUNS if cost < HOPELESS * self._cheapest else FEW_RUNS):
             at = (values - middle) / spread
             change, promised_cost = self._solution(self._whole(jacobian * spread[:, None, None], response, at))
             promised = cost - promised_cost
             trial = within_bounds(unknowns, values + stride * change * spread)
-            if promised < ENOUGH or stride < 0.02 or np.all(np.abs(trial - values) < NEGLIGIBLE * spread):
+            if promised < max(ENOUGH, PART * (cost - noise)) or stride < 0.02 or np.all(np.abs(trial - values) < NEGLIGIBLE * spread):
                 if fresh or promised <= 0.0:
                     break
                 gained = 0.0

@@ -27,6 +27,7 @@ FLOOR_KNOWN = 1.15  # the floor's variance comes from a short run: it is known t
 GENERIC_SIZES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 KEPT_VARIANTS = 2
 KEPT_PAIRS = 40
+SHORTLIST = 6
 JITTER = 1e-12  # relative
 Support = tuple[str, ...]
 
@@ -116,8 +117,9 @@ class Ranking:
         return [entry for entry in self.entries if len(entry.support) == size]
 
 
-def rank(products: Products, responses: Responses, softening: np.ndarray) -> Ranking:
-    """All single effects with all variants; pairs and triples with the variants that do best."""
+def rank(products: Products, responses: Responses, softening: np.ndarray, shortlist: bool = False) -> Ranking:
+    """All single effects with all variants; pairs and triples with the variants that do best. shortlist: the few best alone are looked at closely, to know how
+    much can be explained."""
     nuisances = len(responses.nuisances)
     reduced = _Reduced(products.pooled(softening), nuisances)
     counts = {effect: len(variants) for effect, variants in responses.variants.items()}
@@ -141,7 +143,7 @@ def rank(products: Products, responses: Responses, softening: np.ndarray) -> Ran
     best_pairs = sorted(pairs, key=lambda p: -pairs[p])[:KEPT_PAIRS]
     triples = _scored(reduced, _grown(best_pairs, kept), counts)
     order = sorted((singles | pairs | triples).items(), key=lambda item: -item[1])
-    entries = [entry(variants) for variants in _one_per_support(order)]
+    entries = [entry(variants) for variants in ([v for v, _ in order[:SHORTLIST]] if shortlist else _one_per_support(order))]
     return Ranking(sorted(entries, key=lambda e: -(e.log_evidence + e.log_generic)), entry(()))
 
 

@@ -25,6 +25,7 @@ from wineglass.errors import BadInput
 FAR_OFF = 2.0  # standard deviations
 FOLLOWED, NEARLY_ALL = 3, 3.0  # single effects, until one leaves so little energy per frame in every channel
 QUIET_ENOUGH, STARTS = 1.5, 2  # energy per frame and channel that tolerances may leave; single effects to begin with
+FAR_FROM_RIGHT = 300.0  # energy per frame that an explanation may leave and still be worth another run of the full twin
 LOOKS = 3  # explanations that are followed one after the other
 
 
@@ -110,7 +111,7 @@ def _starts(bench: Bench, frames: Frames, task: Task) -> Iterator[_Start]:
 def _followed(closed: Closed, start: Standing, task: Task) -> Look | None:
     """All explanations, about where the full twin puts this one; where it leaves no gap no sets are asked for that hold more. None: the full twin refuses it."""
     try:
-        found = standing.exactly(start, task)
+        found = standing.exactly(start, task, FAR_FROM_RIGHT)
         there, frames = found.standing, found.frames
         settled = not _has_a_gap(there, frames, task)
         base = standing.without_effects(there, frames)

@@ -119,11 +119,10 @@ def _with_one_more(closer: Closer, closed: Closed, counts: dict[str, int], alone
 def _ranked(table: system.Products, found: Responses) -> explain.Ranking:
     """What forms are worth depends on how much is explained, and the other way round: three rounds settle it."""
     softening = np.ones(len(table.generic))
-    for _ in range(3):
-        ranking = explain.rank(table, found, softening)
-        best = ranking.entries[0]
-        softening = explain.softening_of(ranking.none, best)
-    return ranking
+    for _ in range(2):
+        ranking = explain.rank(table, found, softening, shortlist=True)
+        softening = explain.softening_of(ranking.none, ranking.entries[0])
+    return explain.rank(table, found, softening)
 
 
 def _worth_closing(ranking: explain.Ranking, nuisances: int) -> list[Explained]:
