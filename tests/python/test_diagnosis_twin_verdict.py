@@ -12,7 +12,7 @@ from wineglass.diagnosis.changes import Change
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.hypotheses import Hypotheses
 from wineglass.diagnosis.noise_level import NoiseEvidence
-from wineglass.diagnosis.twin_verdict import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, NEARLY_REMOVED, NOISE_LEFT, SHAKEN, Outcome
+from wineglass.diagnosis.twin_verdict import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, SHAKEN, Outcome
 from wineglass.diagnosis.vocabulary import NONE, OTHER
 
 GRID = Grid(0.25, 0, 200)
@@ -46,7 +46,8 @@ def held(said: Outcome, weighed: Hypotheses, removed: float | None, before: floa
 
 @pytest.mark.parametrize(("ids", "removed", "verdict"), [
     (("ageing",), ENOUGH_REMOVED + 0.01, "attributed"), (("ageing",), NEARLY_REMOVED - 0.01, "unknown"),
-    (("ageing", "pickoff_gain"), ENOUGH_OF_SEVERAL + 0.01, "attributed"), (("ageing", "pickoff_gain"), ENOUGH_OF_SEVERAL - 0.01, "unknown")])
+    (("ageing", "pickoff_gain"), ENOUGH_OF_SEVERAL + 0.01, "attributed"), (("ageing", "pickoff_gain"), ENOUGH_OF_SEVERAL - 0.01, "ambiguous"),
+    (("ageing", "pickoff_gain"), NEARLY_OF_SEVERAL - 0.01, "unknown")])
 def test_several_effects_must_leave_less_than_one_to_stand_alone(ids: tuple[str, ...], removed: float, verdict: str) -> None:
     said, weighed = held(outcome("attributed", *ids), certain(*ids), removed)
     assert said.verdict == verdict
@@ -64,6 +65,14 @@ def test_what_nearly_explains_all_may_have_something_beside_it(found: SimpleName
         assert said.named == [("ageing",), ("ageing", OTHER)] and sum(weighed.probability.values()) == pytest.approx(1.0)
         assert weighed.probability["ageing",] == pytest.approx(0.6 * 0.98) and weighed.probability["ageing", OTHER] == pytest.approx(0.4 * 0.98)
         assert twin_verdict._next(analysis, said).run.startswith("the same protocol again")  # type: ignore[arg-type, union-attr]
+
+
+def test_beside_an_effect_with_a_trace_of_its_own_another_one_is_single() -> None:
+    both = certain("ageing", "firmware_mismatch")
+    said, _ = held(outcome("attributed", "ageing", "firmware_mismatch"), both, ENOUGH_REMOVED + 0.01, traces=noise("firmware_mismatch"))
+    assert said.verdict == "attributed"
+    said, _ = held(outcome("attributed", "ageing", "firmware_mismatch"), both, NEARLY_REMOVED + 0.01, traces=noise("firmware_mismatch"))
+    assert said.verdict == "ambiguous" and said.named == [("ageing", "firmware_mismatch"), ("ageing", "firmware_mismatch", OTHER)]
 
 
 def test_noise_alone_explains_no_gap_of_means() -> None:

@@ -24,7 +24,7 @@ COMPUTED_BY = "full twin with the effects added, firmware in the loop"
 UNKNOWN_ABOVE = 0.5
 NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of it
 IMITATED = 0.4  # of an explanation that as few plain laws would imitate as it has numbers: that it is something unknown
-NEARLY_REMOVED = 0.93  # by a single effect: what it leaves may be its own law's
+NEARLY_REMOVED, NEARLY_OF_SEVERAL = 0.93, 0.95  # by a single effect, and by several: what is left may be their own laws'
 NOISE_LEFT = 1.3  # floors: a small gap of which no more is left says little about how much of it was removed
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
 ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.965, 0.98  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
@@ -88,9 +88,10 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
     named = noise is not None and bool(noise.named)
     if removed is None or (named and before <= SHAKEN and removed < ENOUGH_REMOVED):
         return _by_traces_alone(found, weighed, noise)
-    if outcome.verdict == "unknown" or removed >= _enough(outcome):
+    traced = frozenset(noise.named if noise is not None else ())
+    if outcome.verdict == "unknown" or removed >= _enough(outcome, traced):
         return outcome, weighed
-    if _nearly(outcome, confirmed):
+    if _nearly(outcome, confirmed, traced):
         both = [outcome.named[0], tuple(sorted({*outcome.named[0], OTHER}))]
         return replace(outcome, verdict="ambiguous", named=both), hypotheses.perhaps_with_other(weighed, IMITATED)
     return Outcome("unknown", outcome.named[:1], outcome.chosen), hypotheses.with_other(weighed)
@@ -108,21 +109,29 @@ def _held_to_imitation(found: TwinAnalysis, outcome: Outcome, weighed: Hypothese
     return replace(outcome, verdict="ambiguous", named=[outcome.named[0], beside]), weighed
 
 
-def _nearly(outcome: Outcome, confirmed: Confirmed) -> bool:
-    """May what a single effect leaves be its own, because its law is not quite the one that is stated, or because the gap is too small to say what is left?"""
+def _nearly(outcome: Outcome, confirmed: Confirmed, traced: frozenset[str]) -> bool:
+    """May what an explanation leaves be its own, because its law is not quite the one that is stated, or, of a single effect, because the gap is too small to say
+    what is left?"""
     assert confirmed.total.fraction is not None and confirmed.total.interval is not None
-    single = outcome.verdict == "attributed" and outcome.chosen is not None and len(outcome.chosen.support) == 1
+    if outcome.verdict != "attributed" or outcome.chosen is None:
+        return False
     nothing_left = confirmed.total.after <= NOISE_LEFT and confirmed.total.interval[1] >= ENOUGH_REMOVED
-    return single and (confirmed.total.fraction >= NEARLY_REMOVED or nothing_left)
+    single = _single(outcome.chosen, traced)
+    return confirmed.total.fraction >= (NEARLY_REMOVED if single else NEARLY_OF_SEVERAL) or (single and nothing_left)
 
 
-def _enough(outcome: Outcome) -> float:
+def _single(closed: Closed, traced: frozenset[str]) -> bool:
+    """Does one effect alone explain the means? Beside one that has a trace of its own no other one is easier to imitate."""
+    return len(set(closed.support) - traced) <= 1
+
+
+def _enough(outcome: Outcome, traced: frozenset[str]) -> float:
     """Of the held-out gap, that an explanation has to remove: noise alone removes none."""
     if outcome.chosen is None:
         return np.inf
     if outcome.verdict == "ambiguous":
         return LEAST_REMOVED
-    return ENOUGH_REMOVED if len(outcome.chosen.support) == 1 else ENOUGH_OF_SEVERAL
+    return ENOUGH_REMOVED if _single(outcome.chosen, traced) else ENOUGH_OF_SEVERAL
 
 
 def _by_traces_alone(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
