@@ -23,9 +23,10 @@ def closed(*support: str) -> SimpleNamespace:
     return SimpleNamespace(support=support)
 
 
-def confirmed(removed: float | None, before: float = 50.0, after: float = 5.0, most: float = 0.0) -> SimpleNamespace:
-    """most: upper end of the interval of what is removed."""
-    return SimpleNamespace(total=SimpleNamespace(fraction=removed, before=before, after=after, interval=(0.0, most)))
+def confirmed(removed: float | None, before: float = 50.0, after: float = 5.0, most: float = 0.0, gained: tuple[float, float] = (50.0, 1.0)) -> SimpleNamespace:
+    """most: upper end of the interval of what is removed; gained: what the unit leaves without any effect, and what of that goes."""
+    return SimpleNamespace(total=SimpleNamespace(fraction=removed, before=before, after=after, interval=(0.0, most)),
+                           gained=SimpleNamespace(before=gained[0], fraction=gained[1]))
 
 
 def outcome(verdict: str, *ids: str, chosen: bool = True) -> Outcome:
@@ -73,6 +74,16 @@ def test_beside_an_effect_with_a_trace_of_its_own_another_one_is_single() -> Non
     assert said.verdict == "attributed"
     said, _ = held(outcome("attributed", "ageing", "firmware_mismatch"), both, NEARLY_REMOVED + 0.01, traces=noise("firmware_mismatch"))
     assert said.verdict == "ambiguous" and said.named == [("ageing", "firmware_mismatch"), ("ageing", "firmware_mismatch", OTHER)]
+
+
+@pytest.mark.parametrize(("gained", "verdict"), [((1.3, 0.1), "no_gap"), ((1.3, None), "no_gap"), ((1.3, 0.9), "attributed"), ((5.0, 0.1), "attributed")])
+def test_an_effect_that_only_stands_for_another_unit_is_none(gained: tuple[float, float], verdict: str) -> None:
+    """Of a unit further off it removes nearly all; the unit that the recording asks for needs no effect."""
+    analysis = SimpleNamespace(closed_for=lambda ids: closed("frequency_split"))
+    said, weighed = twin_verdict._held_to_the_gap(analysis, outcome("attributed", "frequency_split"), certain("frequency_split"),  # type: ignore[arg-type]
+                                                  confirmed(0.99, 12.0, gained=gained), None)
+    assert said.verdict == verdict
+    assert (weighed.none > 0.9) == (verdict == "no_gap")
 
 
 def test_noise_alone_explains_no_gap_of_means() -> None:

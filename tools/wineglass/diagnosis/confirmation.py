@@ -27,6 +27,8 @@ class Confirmed:
 
     changes: list[Change]
     total: Change
+    gained: Change
+    """of all channels, against the unit that needs no effect"""
     before: np.ndarray
     after: np.ndarray
     use: np.ndarray
@@ -48,7 +50,8 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
         after = left - changes.folded(found.system, polished, found.softening, columns, found.wandering)
     each, total = changes.changes(found.system, before, after)
     values, covariance = (np.zeros(0), np.zeros((0, 0))) if chosen is None or polished is None else _estimate(found, chosen, polished)
-    return Confirmed(each, total, before, after, changes.counted(found.system), values, covariance)
+    gained = changes.changes(found.system, found.alone, after)[1]
+    return Confirmed(each, total, gained, before, after, changes.counted(found.system), values, covariance)
 
 
 def _run(found: TwinAnalysis, chosen: Closed) -> tuple[Standing, Frames]:

@@ -17,6 +17,7 @@ from wineglass.diagnosis.explain import Support
 from wineglass.diagnosis.looks import ORDINARY, Look, strain
 from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.standing import Standing
+from wineglass.diagnosis.system import System
 from wineglass.diagnosis.task import Task
 from wineglass.diagnosis.unit import FARTHEST
 from wineglass.diagnosis.unknowns import possible
@@ -29,18 +30,30 @@ FAR_FROM_RIGHT = 300.0  # energy per frame that an explanation may leave and sti
 LOOKS = 3  # explanations that are followed one after the other
 
 
-def last_look(there: Standing, base: Frames, nominal: Bench, task: Task) -> Look:
-    """there: the unit that the recording asks for, base: the full twin's frames of it; nominal: the described one."""
-    return _explained(there, base, nominal, task) if _has_a_gap(there, base, task) else looks.look(there.bench, base, task, largest=0)
+def last_look(there: Standing, base: Frames, nominal: Bench, task: Task) -> tuple[Look, np.ndarray]:
+    """there: the unit that the recording asks for, base: the full twin's frames of it; nominal: the described one. Also what that unit leaves without any effect
+    on held-out data (channels, n)."""
+    built, left = _left(there, base, task)
+    if _is_a_gap(built, left):
+        return _explained(there, base, nominal, task), left
+    return looks.look(there.bench, base, task, largest=0), left
 
 
 def _has_a_gap(there: Standing, frames: Frames, task: Task) -> bool:
+    return _is_a_gap(*_left(there, frames, task))
+
+
+def _is_a_gap(built: System, left: np.ndarray) -> bool:
     """Is any channel further from the full twin on held-out data than its floor? Where none is there is nothing (more) to explain."""
+    return changes.changes(built, left, left)[1].fraction is not None
+
+
+def _left(there: Standing, frames: Frames, task: Task) -> tuple[System, np.ndarray]:
+    """Recorded minus full twin (channels, n), what is uncertain fitted on the other stretches."""
     built = task.system(there.bench, frames)
     wandering = responses.wandering([name for name, _ in there.slopes])
     left = np.array([task.recorded[name] - frames[name] for name in built.names])
-    left = left - changes.folded(built, standing.linear(there, task, built), np.ones(len(built.names)), there.columns(task.pick), wandering, FARTHEST)
-    return changes.changes(built, left, left)[1].fraction is not None
+    return built, left - changes.folded(built, standing.linear(there, task, built), np.ones(len(built.names)), there.columns(task.pick), wandering, FARTHEST)
 
 
 def _explained(there: Standing, base: Frames, nominal: Bench, task: Task) -> Look:

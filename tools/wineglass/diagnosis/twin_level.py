@@ -41,6 +41,7 @@ class TwinAnalysis:
 
     base: the full twin without effects. pick: the system's channels among those of bench and responses. none: no effect; closed:
     explanations followed on the envelope twin, the best first. held_none (folds, channels): energy left when nuisances are fitted on the other folds.
+    alone (channels, n): what the unit that the recording asks for leaves without any effect, held out; an explanation may stand about another unit.
     """
 
     driven: Driven
@@ -57,6 +58,7 @@ class TwinAnalysis:
     closed: list[Closed]
     softening: np.ndarray
     held_none: np.ndarray
+    alone: np.ndarray
     ran: tuple[Standing, Frames] | None
     """where the full twin was run last with an explanation, and its frames"""
 
@@ -95,13 +97,13 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     asked = task.asked(recorded, driven, recording, floor, system.chosen(bench.names, floor), without, advance)
     found = standing.exactly(standing.roughly(Standing(bench), asked)[0], asked, HOPELESS)
     advance()
-    last = follow.last_look(found.standing, found.frames, bench, asked)
+    last, alone = follow.last_look(found.standing, found.frames, bench, asked)
     held_none = explain.held_out(last.table, last.softening, list(last.found.nuisances), FARTHEST)
     _hold_out(last.closed, held_none, last.softening)
     bench = last.bench
     bench.driven = replace(bench.driven, run=Run(bench.driven.run.scenario, driven.run.device, bench.unit.device))
     return TwinAnalysis(bench.driven, grid, recorded, last.base, asked.floor, asked.pick, bench, last.found, last.system, last.table, last.none, last.closed,
-                        last.softening, held_none, last.ran)
+                        last.softening, held_none, alone, last.ran)
 
 
 def _hold_out(closed: list[Closed], held_none: np.ndarray, softening: np.ndarray) -> None:

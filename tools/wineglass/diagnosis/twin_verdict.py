@@ -81,6 +81,8 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
     """What no channel shows on held-out data is no gap; what an explanation does not remove there, it does not explain. What noise, lines, events or codes
     have named stands without that."""
     removed, before = confirmed.total.fraction, confirmed.total.before
+    if outcome.chosen is not None and confirmed.gained.before <= PLAIN and (confirmed.gained.fraction or 0.0) < LEAST_REMOVED:
+        removed = None  # another unit does as well, without any effect
     if outcome.verdict == "no_gap":
         if removed is not None and before > PLAIN:
             return Outcome("unknown", [], None), hypotheses.not_none(weighed)
