@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from wineglass.diagnosis import twin_verdict
+from wineglass.diagnosis import hypotheses, twin_verdict
 from wineglass.diagnosis.changes import Change
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.hypotheses import Hypotheses
@@ -183,3 +183,25 @@ def test_a_named_effect_is_placed_in_the_channel_that_shows_most_of_it() -> None
     made = SimpleNamespace(changes=changes, use=np.ones((3, GRID.count), bool))
     place = twin_verdict._named_place(found, made, [SimpleNamespace(id="actuator_gain", stage="actuation")], ("actuation", "level"), 1.0)  # type: ignore[arg-type, list-item]
     assert (place.channel, place.ratio_over_floor, place.share) == ("drive_level", 70.0, 1.0)
+
+
+def test_an_effect_whose_numbers_are_nothing_is_idle() -> None:
+    """Of two effects: one number four deviations from nothing, and two that are only so apart, not together with what they share."""
+    unknowns = [SimpleNamespace(effect="ageing", role="strength"), SimpleNamespace(effect="ageing", role="shape"),
+                SimpleNamespace(effect="pickoff_gain", role="strength"), SimpleNamespace(effect="pickoff_gain", role="strength")]
+    explanation = SimpleNamespace(support=("ageing", "pickoff_gain"), unknowns=unknowns)
+    covariance = np.diag([1.0, 1.0, 4.0, 4.0])
+    run = SimpleNamespace(values=np.array([4.0, 100.0, 2.0, -3.0]), covariance=covariance)
+    assert twin_verdict._idle(explanation, run) == {"pickoff_gain"}  # type: ignore[arg-type]
+    shared = covariance.copy()
+    shared[2, 3] = shared[3, 2] = 3.9  # the sum is uncertain, the difference is not
+    assert twin_verdict._idle(explanation, SimpleNamespace(values=run.values, covariance=shared)) == frozenset()  # type: ignore[arg-type]
+    assert twin_verdict._idle(None, run) == frozenset()  # type: ignore[arg-type]
+
+
+def test_idle_effects_leave_the_sets_that_hold_the_explanation_and_no_others() -> None:
+    weighed = Hypotheses({("ageing", "pickoff_gain"): 0.6, ("ageing", "flicker_noise", "pickoff_gain"): 0.1, ("pickoff_gain",): 0.2, (NONE,): 0.0, (OTHER,): 0.1})
+    found = hypotheses.less(weighed, frozenset({"ageing", "pickoff_gain"}), frozenset({"pickoff_gain"}))
+    assert found.probability == pytest.approx({("ageing",): 0.6, ("ageing", "flicker_noise"): 0.1, ("pickoff_gain",): 0.2, (NONE,): 0.0, (OTHER,): 0.1})
+    alone = hypotheses.less(weighed, frozenset({"pickoff_gain"}), frozenset({"pickoff_gain"}))
+    assert alone.none == pytest.approx(0.2)

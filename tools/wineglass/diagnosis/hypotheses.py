@@ -114,6 +114,16 @@ def doubted(found: Hypotheses, traced: frozenset[str], believed: float) -> Hypot
     return Hypotheses(kept)
 
 
+def less(found: Hypotheses, support: frozenset[str], idle: frozenset[str]) -> Hypotheses:
+    """Every set that holds an explanation without those of its effects that do nothing in it."""
+    kept: dict[Ids, float] = {(NONE,): 0.0, (OTHER,): 0.0}
+    for ids, p in found.probability.items():
+        part = tuple(e for e in ids if e not in idle) or (NONE,)
+        place = part if support <= set(ids) else ids
+        kept[place] = kept.get(place, 0.0) + p
+    return Hypotheses(kept)
+
+
 def only(found: Hypotheses, traced: frozenset[str]) -> Hypotheses:
     """Of every set what has a trace of its own: beside that no channel is beyond its floor."""
     kept: dict[Ids, float] = {(NONE,): 0.0, (OTHER,): 0.0}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from wineglass import __version__, effects
 from wineglass.diagnosis import confirmation, hypotheses, menu, plain
@@ -26,6 +27,7 @@ NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of
 IMITATED = 0.4  # of an explanation that as few plain laws would imitate as it has numbers: that it is something unknown
 NEARLY_REMOVED, NEARLY_OF_SEVERAL = 0.93, 0.95  # by a single effect, and by several: what is left may be their own laws'
 NOISE_LEFT = 1.3  # floors: a small gap of which no more is left says little about how much of it was removed
+SURELY = 0.99  # that an effect's numbers are not nothing
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
 ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.965, 0.98  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
 PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
@@ -169,6 +171,11 @@ class Verdict:
 def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | None, source: Source) -> Verdict:
     outcome = decide(found, weighed)
     confirmed = confirmation.confirm(found, outcome.chosen)
+    idle = _idle(outcome.chosen, confirmed) - frozenset(noise.named if noise is not None else ())
+    if outcome.chosen is not None and idle:
+        weighed = hypotheses.less(weighed, frozenset(outcome.chosen.support), idle)
+        outcome = decide(found, weighed)
+        confirmed = confirmation.confirm(found, outcome.chosen)
     outcome, weighed = _held_to_the_gap(found, outcome, weighed, confirmed, noise)
     outcome, weighed = _held_to_imitation(found, outcome, weighed, noise)
     believed, weighed = _beside_unknown(outcome, weighed, confirmed.total.fraction, noise)
@@ -184,6 +191,19 @@ def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | No
         provenance=Provenance(program=f"wineglass {__version__}", engine=ENGINE, recording=source.recording, sha256=source.sha256,
                               device=found.driven.run.device.name, firmware=source.firmware))
     return Verdict(diagnosis, outcome, confirmed)
+
+
+def _idle(closed: Closed | None, confirmed: Confirmed) -> frozenset[str]:
+    """Effects of the confirmed explanation whose numbers, all together, are nothing as far as the full twin's run can say."""
+    if closed is None:
+        return frozenset()
+    found = set()
+    for effect in closed.support:
+        mine = [i for i, u in enumerate(closed.unknowns) if u.effect == effect and u.role != "shape"]
+        values, covariance = confirmed.values[mine], confirmed.covariance[np.ix_(mine, mine)]
+        if float(values @ np.linalg.pinv(covariance, hermitian=True) @ values) < chi2.ppf(SURELY, len(mine)):
+            found.add(effect)
+    return frozenset(found)
 
 
 def sentence(outcome: Outcome, confirmed: Confirmed) -> str:
