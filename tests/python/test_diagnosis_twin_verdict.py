@@ -12,7 +12,7 @@ from wineglass.diagnosis.changes import Change
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.hypotheses import Hypotheses
 from wineglass.diagnosis.noise_level import NoiseEvidence
-from wineglass.diagnosis.twin_verdict import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, SHAKEN, Outcome
+from wineglass.diagnosis.twin_verdict import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, MUCH_LEFT, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, SHAKEN, Outcome
 from wineglass.diagnosis.vocabulary import NONE, OTHER
 
 GRID = Grid(0.25, 0, 200)
@@ -23,7 +23,7 @@ def closed(*support: str) -> SimpleNamespace:
     return SimpleNamespace(support=support)
 
 
-def confirmed(removed: float | None, before: float = 50.0, after: float = 5.0, most: float = 0.0, gained: tuple[float, float] = (50.0, 1.0)) -> SimpleNamespace:
+def confirmed(removed: float | None, before: float = 50.0, after: float = 2.0, most: float = 0.0, gained: tuple[float, float] = (50.0, 1.0)) -> SimpleNamespace:
     """most: upper end of the interval of what is removed; gained: what the unit leaves without any effect, and what of that goes."""
     return SimpleNamespace(total=SimpleNamespace(fraction=removed, before=before, after=after, interval=(0.0, most)),
                            gained=SimpleNamespace(before=gained[0], fraction=gained[1]))
@@ -74,6 +74,14 @@ def test_beside_an_effect_with_a_trace_of_its_own_another_one_is_single() -> Non
     assert said.verdict == "attributed"
     said, _ = held(outcome("attributed", "ageing", "firmware_mismatch"), both, NEARLY_REMOVED + 0.01, traces=noise("firmware_mismatch"))
     assert said.verdict == "ambiguous" and said.named == [("ageing", "firmware_mismatch"), ("ageing", "firmware_mismatch", OTHER)]
+
+
+@pytest.mark.parametrize(("after", "verdict"), [(MUCH_LEFT - 0.1, "attributed"), (MUCH_LEFT + 0.1, "ambiguous")])
+def test_what_is_left_of_a_large_gap_may_be_something_else(after: float, verdict: str) -> None:
+    analysis = SimpleNamespace(closed_for=lambda ids: closed("ageing"))
+    said, weighed = twin_verdict._held_to_the_gap(analysis, outcome("attributed", "ageing"), certain("ageing"), confirmed(0.999, 3000.0, after), None)  # type: ignore[arg-type]
+    assert said.verdict == verdict
+    assert weighed.other == pytest.approx(0.02 if verdict == "attributed" else 0.02 + 0.4 * 0.98)
 
 
 @pytest.mark.parametrize(("gained", "verdict"), [((1.3, 0.1), "no_gap"), ((1.3, None), "no_gap"), ((1.3, 0.9), "attributed"), ((5.0, 0.1), "attributed")])

@@ -26,6 +26,7 @@ UNKNOWN_ABOVE = 0.5
 NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of it
 IMITATED = 0.4  # of an explanation that as few plain laws would imitate as it has numbers: that it is something unknown
 NEARLY_REMOVED, NEARLY_OF_SEVERAL = 0.93, 0.95  # by a single effect, and by several: what is left may be their own laws'
+MUCH_LEFT = 3.0  # floors: of a large gap nearly all may be removed, and what is left is another effect or the law's own, one as likely as the other
 NOISE_LEFT = 1.3  # floors: a small gap of which no more is left says little about how much of it was removed
 SURELY = 0.99  # that an effect's numbers are not nothing
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
@@ -93,7 +94,8 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
     if removed is None or (named and before <= SHAKEN and removed < ENOUGH_REMOVED):
         return _by_traces_alone(found, weighed, noise)
     traced = frozenset(noise.named if noise is not None else ())
-    if outcome.verdict == "unknown" or removed >= _enough(outcome, traced):
+    much_left = outcome.verdict == "attributed" and confirmed.total.after > MUCH_LEFT
+    if outcome.verdict == "unknown" or (removed >= _enough(outcome, traced) and not much_left):
         return outcome, weighed
     if _nearly(outcome, confirmed, traced):
         both = [outcome.named[0], tuple(sorted({*outcome.named[0], OTHER}))]
