@@ -48,6 +48,12 @@ struct envelope_physics {
     double clock_ratio;
 };
 
+/* The firmware counts in samples: a clock that changes is a frequency that changes, and the loop has to follow it. */
+static inline double envelope_counted_rad_s(const struct envelope_physics *physics)
+{
+    return physics->primary_rad_s * physics->clock_ratio;
+}
+
 /* What the firmware makes of the temperature at one instant. */
 struct envelope_tables {
     double bias_rad_s, scale_rad_s, decay_per_s, demodulation_rad, drive_phase_rad;

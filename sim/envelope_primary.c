@@ -32,12 +32,6 @@ static double frequency_shift(const struct envelope *e, const struct envelope_st
     return (e->motion.coupling.im + step->middle.push[0][0] * step->level.mean * step->turn.im) / step->amplitude.mean;
 }
 
-/* The firmware counts in samples: a clock that changes is a frequency that changes, and the loop has to follow it. */
-static double counted_rad_s(const struct envelope_physics *physics)
-{
-    return physics->primary_rad_s * physics->clock_ratio;
-}
-
 static void run_phase(struct envelope *e, struct envelope_step *step)
 {
     struct envelope_motion *motion = &e->motion;
@@ -45,7 +39,7 @@ static void run_phase(struct envelope *e, struct envelope_step *step)
     double mean[2];
     step->shift_rad_s = frequency_shift(e, step);
     struct span natural =
-        span_through(counted_rad_s(&motion->physics), counted_rad_s(&step->middle), counted_rad_s(&step->end));
+        span_through(envelope_counted_rad_s(&motion->physics), envelope_counted_rad_s(&step->middle), envelope_counted_rad_s(&step->end));
     double above = step->shift_rad_s - e->firmware.center_rad_s;
     struct span wanted = {natural.start + above, natural.mean + above, natural.end + above};
     linear_map_step(&step->maps->pll, 2, 1, state, &wanted, mean);
@@ -237,7 +231,7 @@ static bool run_controlled(struct envelope *e, struct envelope_step *step)
 static void run_silent(struct envelope *e, struct envelope_step *step)
 {
     e->motion.phi_rad = 0.0;
-    e->motion.integral_rad_s = counted_rad_s(&step->end) - e->firmware.center_rad_s;
+    e->motion.integral_rad_s = envelope_counted_rad_s(&step->end) - e->firmware.center_rad_s;
     step->frequency_mean = e->firmware.center_rad_s;
     step->amplitude = step->level = span_of(0.0);
 }

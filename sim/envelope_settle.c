@@ -93,6 +93,6 @@ void envelope_settle(struct envelope *e)
         settle_secondary(e, turn, shift_rad_s);
         settle_coupling(e, turn);
     }
-    motion->integral_rad_s = motion->physics.primary_rad_s * motion->physics.clock_ratio + shift_rad_s - e->firmware.center_rad_s;
+    motion->integral_rad_s = envelope_counted_rad_s(&motion->physics) + shift_rad_s - e->firmware.center_rad_s;
     settle_output(e, phasor_turn(motion->tables.demodulation_rad));
 }

@@ -409,6 +409,11 @@ def _shrink(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed) -> Shri
     return Shrink(channels=channels, all=whole, held_out=confirmation.held_out_text(found), computed_by=COMPUTED_BY)
 
 
+def _with_or_without_other(named: list[Ids]) -> bool:
+    """Is the question whether an explanation is all?"""
+    return len(named) == 2 and set(named[1]) == {*named[0], OTHER}
+
+
 def _next(found: TwinAnalysis, outcome: Outcome) -> NextExperiment | None:
     if outcome.verdict in ("no_gap", "attributed"):
         return None
@@ -418,7 +423,7 @@ def _next(found: TwinAnalysis, outcome: Outcome) -> NextExperiment | None:
     able = {closed.support: closed for closed in (found.closed_for(ids) for ids in outcome.named) if closed is not None}
     pair = list(able.values())[:2]
     names = [list(ids) for ids in outcome.named]
-    if len(pair) < 2 and len(outcome.named) == 2 and set(outcome.named[1]) - set(outcome.named[0]) == {OTHER} and set(outcome.named[0]) < set(outcome.named[1]):
+    if _with_or_without_other(outcome.named):
         return NextExperiment(run="the same protocol again, without a change", separates=names, predicted_separation=None,
                               why="what is left and repeats belongs to the effect's law; what does not is something else")
     if len(pair) < 2:
