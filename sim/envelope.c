@@ -354,6 +354,7 @@ static void take_environment(struct envelope *e, struct envelope_step *step)
     double rate_dot = (step->rate.end - step->rate.start) / step->step_s;
     thermal_step(&step->maps->thermal, &motion->temperature, step->chamber_end_degc, &middle);
     struct effect_context now = context_at(e, (double)motion->tick + 0.5 * step->maps->ticks, step->step_s);
+    now.rate_rad_s = step->rate.mean;
     now.shell_slope_degc_s = (motion->temperature.shell_degc - shell_start) / step->step_s;
     now.shell_degc = middle.shell_degc;
     envelope_physics_at(e, &now, span_middle(step->rate), rate_dot, &step->middle);

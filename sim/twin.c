@@ -287,6 +287,7 @@ static void run_block(struct twin *twin, double rate_rad_s, double rate_dot_rad_
     struct effect_context now = twin_context(twin, 0.5);
     thermal_step(&twin->thermal_plan, &twin->temperature, chamber_end_degc, &middle);
     now.shell_degc = middle.shell_degc;
+    now.rate_rad_s = rate_rad_s;
     now.shell_slope_degc_s = (twin->temperature.shell_degc - shell_start_degc) / now.duration_s;
     set_parameters(twin, &now, rate_rad_s, rate_dot_rad_s2);
     twin->now = now;

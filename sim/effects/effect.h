@@ -49,6 +49,7 @@ struct effect_setting {
 struct effect_context {
     double time_s;               /* since power-up, at the instant that is meant */
     double duration_s;           /* of the block or step */
+    double rate_rad_s;           /* of the frame as its reference says, mean over the block or step */
     double shell_degc;           /* true temperature of the shell at that instant */
     double shell_slope_degc_s;
     double amplitude_fs;         /* of the primary, at the beginning of the block or step */
