@@ -40,8 +40,33 @@ def test_laws_that_the_recording_does_not_show_do_nothing() -> None:
     assert plain._picked(laws @ laws.T, laws @ wanted, float(wanted @ wanted), 2) == 3
 
 
-def test_a_law_of_the_bias_is_its_effect_by_definition(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plain, "laws_needed", lambda found, closed, most: 1)
-    unknowns = [SimpleNamespace(role="strength", effect="x", name="size")]
-    assert not plain.imitable(None, SimpleNamespace(support=("thermal_gradient",), unknowns=unknowns))  # type: ignore[arg-type]
-    assert plain.imitable(None, SimpleNamespace(support=("drive_phase", "thermal_gradient"), unknowns=unknowns))  # type: ignore[arg-type]
+class Channels:
+    """One channel, noise one, whose laws are the rows of an identity: an effect needs as many as its response has places."""
+
+    names, pick = ("rate",), [0]
+    nominal = np.zeros((1, COUNT))
+    responses = SimpleNamespace(nuisances=(0,), values=np.zeros((1, 1, COUNT)))
+
+    def __init__(self, parts: dict[str, int]):
+        self.parts, self.bench = parts, self
+        self.system = SimpleNamespace(whiten=lambda series: series)
+
+    def run(self, settings: list[SimpleNamespace]) -> np.ndarray:
+        begin = 6 * list(self.parts).index(settings[0].id)
+        return 50.0 * (np.arange(COUNT) - begin < self.parts[settings[0].id])[None] * (np.arange(COUNT) >= begin)
+
+    def explanation(self) -> SimpleNamespace:
+        settings = [SimpleNamespace(id=effect) for effect in self.parts]
+        unknowns = [SimpleNamespace(role="strength", effect=effect, name=name) for effect in self.parts for name in ("a", "b")]
+        return SimpleNamespace(support=tuple(self.parts), settings=settings, unknowns=unknowns, response=sum(self.run([s]) for s in settings))
+
+
+@pytest.mark.parametrize(("parts", "imitated"), [
+    ({"drive_phase": 2}, {"drive_phase"}), ({"drive_phase": 3}, set()), ({"thermal_gradient": 1}, set()),
+    ({"drive_phase": 2, "pickoff_gain": 1}, {"drive_phase", "pickoff_gain"}), ({"drive_phase": 1, "pickoff_gain": 5}, {"drive_phase"}),
+    ({"thermal_gradient": 1, "pickoff_gain": 5}, set()), ({"drive_phase": 3, "pickoff_gain": 3}, set())])
+def test_what_as_few_laws_do_as_an_effect_has_numbers(parts: dict[str, int], imitated: set[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two numbers an effect; together four, alone each its own two. A law of the bias is its effect by definition."""
+    monkeypatch.setattr(plain, "_laws", lambda found: np.eye(COUNT))
+    found = Channels(parts)
+    assert plain.imitated(found, found.explanation()) == imitated  # type: ignore[arg-type]

@@ -134,13 +134,23 @@ def test_several_effects_beside_something_unknown_answer_for_each_other(removed:
 
 @pytest.mark.parametrize("imitable", [True, False])
 def test_what_plain_laws_would_imitate_is_not_named_alone(imitable: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(twin_verdict.plain, "imitable", lambda found, closed: imitable)
+    monkeypatch.setattr(twin_verdict.plain, "imitated", lambda found, closed: frozenset(closed.support if imitable else ()))
     said, weighed = twin_verdict._held_to_imitation(None, outcome("attributed", "ageing"), certain("ageing"), None)  # type: ignore[arg-type]
     assert said.verdict == ("ambiguous" if imitable else "attributed") and said.named[0] == ("ageing",)
     assert ((OTHER,) in said.named) == imitable
     assert weighed.marginal("ageing") == pytest.approx(0.6 if imitable else 1.0, abs=0.03)
+    both, _ = twin_verdict._held_to_imitation(None, outcome("attributed", "ageing", "pickoff_gain"), certain("ageing", "pickoff_gain"), None)  # type: ignore[arg-type]
+    assert both.verdict == said.verdict
     by_line, _ = twin_verdict._held_to_imitation(None, outcome("attributed", "interference"), certain("interference"), noise("interference"))  # type: ignore[arg-type]
     assert by_line.verdict == "attributed"
+
+
+def test_of_a_set_only_what_plain_laws_would_imitate_may_be_something_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(twin_verdict.plain, "imitated", lambda found, closed: frozenset({"drive_misalignment"}))
+    said, weighed = twin_verdict._held_to_imitation(None, outcome("attributed", "ageing", "drive_misalignment"), certain("ageing", "drive_misalignment"),  # type: ignore[arg-type]
+                                                    None)
+    assert said.verdict == "ambiguous" and said.named == [("ageing", "drive_misalignment"), ("ageing", OTHER)]
+    assert weighed.probability["ageing", OTHER] == pytest.approx(0.4 * 0.98) and weighed.marginal("ageing") == pytest.approx(0.98)
 
 
 def test_what_has_a_trace_of_its_own_stays_named_beside_something_unknown() -> None:

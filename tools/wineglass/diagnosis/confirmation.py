@@ -91,6 +91,13 @@ def _estimate(found: TwinAnalysis, chosen: Closed, polished: Products) -> tuple[
     return middle + coefficients[first:] * spread, covariance * np.outer(spread, spread)
 
 
+def contributions(found: TwinAnalysis, closed: Closed) -> dict[str, np.ndarray]:
+    """(channels, n) whitened: what each effect alone does."""
+    if len(closed.support) == 1:
+        return {closed.support[0]: found.system.whiten(closed.response)}
+    return {setting.id: found.system.whiten((found.bench.run([setting]) - found.bench.nominal)[found.pick]) for setting in closed.settings}
+
+
 def held_out_text(found: TwinAnalysis) -> str:
     return f"{FOLDS} stretches of whole segments, each predicted from the others ({found.grid.count} frames of {found.grid.frame_s:g} s)"
 

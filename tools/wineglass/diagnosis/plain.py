@@ -4,10 +4,12 @@ explanation foretells: whatever obeys such a law would look like it."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from wineglass.diagnosis import curves, task
+from wineglass.diagnosis import confirmation, curves, task
 from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.twin_level import TwinAnalysis
 
@@ -21,25 +23,43 @@ BY_DEFINITION = frozenset({"thermal_gradient", "ageing", "thermal_hysteresis"})
 """Effects that are nothing but a law of the bias: whatever obeys it is called so"""
 
 
-def imitable(found: TwinAnalysis, closed: Closed) -> bool:
-    """Do as few plain laws as the explanation has numbers, what is uncertain moving along? Not asked of effects that are such a law by definition."""
+def imitated(found: TwinAnalysis, closed: Closed) -> frozenset[str]:
+    """Effects of an explanation that as few plain laws do as each has numbers, what is uncertain moving along: all of them, where that is so of them together,
+    and every one of which it is so alone. Not asked of effects that are such a law by definition."""
     if set(closed.support) <= BY_DEFINITION:
-        return False
-    numbers = sum(u.role != "form" for u in closed.unknowns) + len({(u.effect, curves.is_point(u.name)) for u in closed.unknowns if u.role == "form"})
-    return laws_needed(found, closed, min(MOST, numbers)) <= numbers
+        return frozenset()
+    laws = _Laws(found)
+    if laws.needed(found.system.whiten(closed.response), _numbers(closed, closed.support)) <= _numbers(closed, closed.support):
+        return frozenset(closed.support)
+    if len(closed.support) == 1:
+        return frozenset()
+    parts = {effect: part for effect, part in confirmation.contributions(found, closed).items() if effect not in BY_DEFINITION}
+    return frozenset(effect for effect, part in parts.items() if laws.needed(part, _numbers(closed, (effect,))) <= _numbers(closed, (effect,)))
 
 
-def laws_needed(found: TwinAnalysis, closed: Closed, most: int = MOST) -> int:
-    """Plain laws that do what an explanation does, the one that does most taken first, and again; most + 1: so many are not enough."""
-    built = found.system
-    known = built.whiten(found.responses.values[list(found.responses.nuisances)][:, found.pick, :]).reshape(len(found.responses.nuisances), -1)
-    laws, wanted = _laws(found), built.whiten(closed.response).ravel()
-    factor = cho_factor(known @ known.T + np.eye(len(known)))
-    across, along = known @ laws.T, known @ wanted
-    gram = laws @ laws.T - across.T @ cho_solve(factor, across)
-    match = laws @ wanted - across.T @ cho_solve(factor, along)
-    whole = float(wanted @ wanted - along @ cho_solve(factor, along))
-    return _picked(gram, match, whole, most)
+def _numbers(closed: Closed, effects: Collection[str]) -> int:
+    """That these effects have in an explanation; a bent law of one effect counts once."""
+    straight = sum(u.effect in effects and u.role != "form" for u in closed.unknowns)
+    bent = {(u.effect, curves.is_point(u.name)) for u in closed.unknowns if u.effect in effects and u.role == "form"}
+    return min(MOST, straight + len(bent))
+
+
+class _Laws:
+    """Plain laws in every channel, what is uncertain moving along."""
+
+    def __init__(self, found: TwinAnalysis):
+        self._known = found.system.whiten(found.responses.values[list(found.responses.nuisances)][:, found.pick, :]).reshape(len(found.responses.nuisances), -1)
+        self._rows = _laws(found)
+        self._factor = cho_factor(self._known @ self._known.T + np.eye(len(self._known)))
+        self._across = self._known @ self._rows.T
+        self._gram = self._rows @ self._rows.T - self._across.T @ cho_solve(self._factor, self._across)
+
+    def needed(self, white: np.ndarray, most: int) -> int:
+        """Laws that do what (channels, n), whitened, does, the one that does most taken first, and again; most + 1: so many are not enough."""
+        wanted = white.ravel()
+        along = self._known @ wanted
+        behind = cho_solve(self._factor, along)
+        return _picked(self._gram, self._rows @ wanted - self._across.T @ behind, float(wanted @ wanted - along @ behind), most)
 
 
 def _picked(gram: np.ndarray, match: np.ndarray, whole: float, most: int) -> int:

@@ -106,12 +106,15 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
 def _held_to_imitation(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
     """What nobody could tell from a plain law that something unknown obeys is not named alone. What noise, lines, events or codes show stands without that."""
     traced = frozenset(noise.named if noise is not None else ())
-    if outcome.chosen is None or not outcome.named or set(outcome.chosen.support) <= traced or not plain.imitable(found, outcome.chosen):
+    if outcome.chosen is None or not outcome.named or set(outcome.chosen.support) <= traced:
         return outcome, weighed
-    weighed = hypotheses.shared_with_other(weighed, frozenset(outcome.chosen.support) - traced, IMITATED)
+    imitated = plain.imitated(found, outcome.chosen) - traced
+    if not imitated:
+        return outcome, weighed
+    weighed = hypotheses.shared_with_other(weighed, imitated, IMITATED)
     if outcome.verdict != "attributed":
         return outcome, weighed
-    beside = tuple(sorted({*(set(outcome.named[0]) & traced), OTHER}))
+    beside = tuple(sorted({*(set(outcome.named[0]) - imitated), OTHER}))
     return replace(outcome, verdict="ambiguous", named=[outcome.named[0], beside]), weighed
 
 
@@ -260,16 +263,9 @@ def _shares(found: TwinAnalysis, closed: Closed | None, confirmed: Confirmed) ->
     if closed is None or confirmed.total.fraction is None:
         return {}
     whole = 1.0 - (1.0 - min(1.0, max(0.0, confirmed.total.fraction))) ** 2
-    energies = {effect: float(np.sum(np.sum(part**2, axis=1) / found.softening)) for effect, part in contributions(found, closed).items()}
+    energies = {effect: float(np.sum(np.sum(part**2, axis=1) / found.softening)) for effect, part in confirmation.contributions(found, closed).items()}
     total = sum(energies.values())
     return {effect: whole * energy / total for effect, energy in energies.items()} if total > 0.0 else {}
-
-
-def contributions(found: TwinAnalysis, closed: Closed) -> dict[str, np.ndarray]:
-    """(channels, n) whitened: what each effect alone does."""
-    if len(closed.support) == 1:
-        return {closed.support[0]: found.system.whiten(closed.response)}
-    return {setting.id: found.system.whiten((found.bench.run([setting]) - found.bench.nominal)[found.pick]) for setting in closed.settings}
 
 
 def _estimate(found: TwinAnalysis, closed: Closed | None, outcome: Outcome, confirmed: Confirmed) -> tuple[np.ndarray, np.ndarray]:
@@ -358,7 +354,7 @@ def _named_place(found: TwinAnalysis, confirmed: Confirmed, named: list[EffectFo
     """In the channel that shows most of these effects on held-out data; where several effects move it, their part of it."""
     mine = {e.id for e in named if (e.stage, component_of(e.id)) == place}
     closed = next((c for c in found.closed if set(c.support) & mine), None)
-    parts = contributions(found, closed) if closed is not None else {}
+    parts = confirmation.contributions(found, closed) if closed is not None else {}
     own = sum((parts[e] for e in mine if e in parts), np.zeros((len(found.names), found.grid.count)))
     energy, whole = np.sum(own**2, axis=1), sum((np.sum(part**2, axis=1) for part in parts.values()), np.zeros(len(found.names)))
     channel = int(np.argmax(_excess(confirmed, [c.before for c in confirmed.changes]) * energy / np.maximum(whole, 1e-300)))
