@@ -100,5 +100,3 @@ def contributions(found: TwinAnalysis, closed: Closed) -> dict[str, np.ndarray]:
 
 def held_out_text(found: TwinAnalysis) -> str:
     return f"{FOLDS} stretches of whole segments, each predicted from the others ({found.grid.count} frames of {found.grid.frame_s:g} s)"
-
-

@@ -37,12 +37,12 @@ def bent(closer: Closer, closed: Closed) -> Closed:
 def pruned(closer: Closer, closed: Closed) -> Closed:
     """The explanation without the forms that it does not need: one that bent first may have stood for one that bent later, or for another unit, and what is
     not needed predicts nothing. A form stays where it is worth something on all data, and held-out data are foretold better with it."""
-    tried: set[frozenset[str]] = set()
-    while groups := [group for group in _taken(closed) if frozenset(closed.unknowns[i].name for i in group) not in tried]:
+    tried: set[tuple[Unknown, ...]] = set()
+    while groups := [group for group in _taken(closed) if tuple(closed.unknowns[i] for i in group) not in tried]:
         gram = closed.products.pooled(np.maximum(1.0, _per_frame(closer, closed)))
         first = len(closer.nuisance)
         least = max(groups, key=lambda group: _evidence(gram, [i for i in closed.places if i - first not in group]))
-        tried.add(frozenset(closed.unknowns[i].name for i in least))
+        tried.add(tuple(closed.unknowns[i] for i in least))
         kept = [i for i in range(len(closed.unknowns)) if i not in least]
         with suppress(NoNumbersError):
             less = closer.resume(closed.support, closed.variants, [closed.unknowns[i] for i in kept], closed.values[kept], closed.jacobian[kept])
