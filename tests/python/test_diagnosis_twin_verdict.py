@@ -84,6 +84,13 @@ def test_what_is_left_of_a_large_gap_may_be_something_else(after: float, verdict
     assert weighed.other == pytest.approx(0.02 if verdict == "attributed" else 0.02 + 0.4 * 0.98)
 
 
+@pytest.mark.parametrize(("traces", "verdict"), [((), "ambiguous"), (("pickoff_gain",), "attributed")])
+def test_three_effects_that_only_means_show_may_be_something_else(traces: tuple[str, ...], verdict: str) -> None:
+    ids = ("ageing", "drive_phase", "pickoff_gain")
+    said, _ = held(outcome("attributed", *ids), certain(*ids), 0.999, traces=noise(*traces))
+    assert said.verdict == verdict
+
+
 @pytest.mark.parametrize(("gained", "verdict"), [((1.3, 0.1), "no_gap"), ((1.3, None), "no_gap"), ((1.3, 0.9), "attributed"), ((5.0, 0.1), "attributed")])
 def test_an_effect_that_only_stands_for_another_unit_is_none(gained: tuple[float, float], verdict: str) -> None:
     """Of a unit further off it removes nearly all; the unit that the recording asks for needs no effect."""

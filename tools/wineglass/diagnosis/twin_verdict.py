@@ -27,6 +27,7 @@ NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of
 IMITATED = 0.4  # of an explanation that as few plain laws would imitate as it has numbers: that it is something unknown
 NEARLY_REMOVED, NEARLY_OF_SEVERAL = 0.93, 0.95  # by a single effect, and by several: what is left may be their own laws'
 MUCH_LEFT = 3.0  # floors: of a large gap nearly all may be removed, and what is left is another effect or the law's own, one as likely as the other
+MANY = 3  # effects that only means show: so many numbers fit others' doings, too
 NOISE_LEFT = 1.3  # floors: a small gap of which no more is left says little about how much of it was removed
 SURELY = 0.99  # that an effect's numbers are not nothing
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
@@ -94,8 +95,7 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
     if removed is None or (named and before <= SHAKEN and removed < ENOUGH_REMOVED):
         return _by_traces_alone(found, weighed, noise)
     traced = frozenset(noise.named if noise is not None else ())
-    much_left = outcome.verdict == "attributed" and confirmed.total.after > MUCH_LEFT
-    if outcome.verdict == "unknown" or (removed >= _enough(outcome, traced) and not much_left):
+    if outcome.verdict == "unknown" or (removed >= _enough(outcome, traced) and not _doubtful(outcome, confirmed, traced)):
         return outcome, weighed
     if _nearly(outcome, confirmed, traced):
         both = [outcome.named[0], tuple(sorted({*outcome.named[0], OTHER}))]
@@ -129,9 +129,20 @@ def _nearly(outcome: Outcome, confirmed: Confirmed, traced: frozenset[str]) -> b
     return confirmed.total.fraction >= (NEARLY_REMOVED if single else NEARLY_OF_SEVERAL) or (single and nothing_left)
 
 
+def _doubtful(outcome: Outcome, confirmed: Confirmed, traced: frozenset[str]) -> bool:
+    """Is much left of a large gap, or are so many effects asked for that others would do?"""
+    if outcome.verdict != "attributed" or outcome.chosen is None:
+        return False
+    return confirmed.total.after > MUCH_LEFT or _untraced(outcome.chosen, traced) >= MANY
+
+
+def _untraced(closed: Closed, traced: frozenset[str]) -> int:
+    return len(set(closed.support) - traced)
+
+
 def _single(closed: Closed, traced: frozenset[str]) -> bool:
     """Does one effect alone explain the means? Beside one that has a trace of its own no other one is easier to imitate."""
-    return len(set(closed.support) - traced) <= 1
+    return _untraced(closed, traced) <= 1
 
 
 def _enough(outcome: Outcome, traced: frozenset[str]) -> float:
