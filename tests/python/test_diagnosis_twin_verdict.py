@@ -221,6 +221,9 @@ def test_an_effect_whose_numbers_are_nothing_is_idle() -> None:
     shared = covariance.copy()
     shared[2, 3] = shared[3, 2] = 3.9  # the sum is uncertain, the difference is not
     assert twin_verdict._idle(explanation, SimpleNamespace(values=run.values, covariance=shared)) == frozenset()  # type: ignore[arg-type]
+    ridge = covariance.copy()
+    ridge[0, 0], ridge[0, 1], ridge[1, 0], ridge[1, 1] = 9.0, 8.9, 8.9, 9.0  # larger with a longer time: a size of nothing has no time
+    assert twin_verdict._idle(explanation, SimpleNamespace(values=run.values, covariance=ridge)) == {"pickoff_gain"}  # type: ignore[arg-type]
     assert twin_verdict._idle(None, run) == frozenset()  # type: ignore[arg-type]
 
 

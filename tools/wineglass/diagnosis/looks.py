@@ -55,8 +55,8 @@ class Look:
         return min(per_frame, default=np.inf)
 
     def promising(self, followed: set[Support]) -> Closed | None:
-        """What to follow on the full twin next: of all single effects the one that leaves least; then what does better than that."""
-        able = [entry for entry in self.closed if self.over_none(entry) > LOOK_AGAIN]
+        """What to follow on the full twin next, of what no bound holds back: of all single effects the one that leaves least; then what does better than that."""
+        able = [entry for entry in self.closed if entry.possible and self.over_none(entry) > LOOK_AGAIN]
         if not followed:
             return min(able, key=lambda entry: (len(entry.support), float(np.sum(entry.entry.left))), default=None)
         so_far = max((self.over_none(entry) for entry in self.closed if entry.support in followed), default=-np.inf)

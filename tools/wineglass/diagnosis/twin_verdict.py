@@ -210,14 +210,19 @@ def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | No
 
 
 def _idle(closed: Closed | None, confirmed: Confirmed) -> frozenset[str]:
-    """Effects of the confirmed explanation whose numbers, all together, are nothing as far as the full twin's run can say."""
+    """Effects of the confirmed explanation whose numbers, all together, are nothing as far as the full twin's run can say. Their shapes stay as they are: of an
+    effect that is nothing there is no shape to go along with."""
     if closed is None:
         return frozenset()
     found = set()
     for effect in closed.support:
-        mine = [i for i, u in enumerate(closed.unknowns) if u.effect == effect and u.role != "shape"]
-        values, covariance = confirmed.values[mine], confirmed.covariance[np.ix_(mine, mine)]
-        if float(values @ np.linalg.pinv(covariance, hermitian=True) @ values) < chi2.ppf(SURELY, len(mine)):
+        mine = [i for i, u in enumerate(closed.unknowns) if u.effect == effect]
+        strengths = np.array([closed.unknowns[i].role != "shape" for i in mine])
+        covariance = confirmed.covariance[np.ix_(mine, mine)]
+        size = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
+        precision = np.linalg.pinv(covariance / np.outer(size, size), hermitian=True)[np.ix_(strengths, strengths)]
+        values = (confirmed.values[mine] / size)[strengths]
+        if float(values @ precision @ values) < chi2.ppf(SURELY, len(values)):
             found.add(effect)
     return frozenset(found)
 
