@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wineglass.diagnosis import changes, system
+from wineglass.diagnosis.changes import Left
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.floors import ORDER, Floor
 from wineglass.diagnosis.system import FOLDS, System
@@ -32,6 +33,10 @@ def wandering(pole: float, seed: int) -> np.ndarray:
     return found[None]
 
 
+def sure(values: np.ndarray) -> Left:
+    return Left(values, np.zeros(1))
+
+
 @pytest.mark.parametrize("pole", [0.0, 0.5, 0.9])
 def test_independent_frames_of_a_first_order_noise(pole: float) -> None:
     """The variance of a mean of squares is 2/n times the sum of squared correlations, (1 + p^2)/(1 - p^2)."""
@@ -43,13 +48,13 @@ def test_noise_of_the_floor_is_no_gap(pole: float) -> None:
     wrong = 0
     for seed in range(SEED, SEED + 40):
         noise = wandering(pole, seed)
-        wrong += changes.changes(made(noise, pole), noise, noise)[1].fraction is not None
+        wrong += changes.changes(made(noise, pole), sure(noise), noise)[1].fraction is not None
     assert wrong == 0
 
 
 def test_a_share_that_is_known_comes_out() -> None:
     noise, gap = wandering(0.0, SEED), 5.0 * np.sin(np.arange(N) / 40.0)[None]
-    each, total = changes.changes(made(noise + gap), noise + gap, noise + 0.1 * gap)
+    each, total = changes.changes(made(noise + gap), sure(noise + gap), noise + 0.1 * gap)
     for change in (each[0], total):
         assert change.fraction == pytest.approx(0.9, abs=0.02) and change.interval is not None
         assert change.interval[0] <= change.fraction <= change.interval[1]
@@ -64,7 +69,23 @@ def test_a_fold_is_fitted_on_the_others_and_noise_is_not_foretold() -> None:
     columns = np.stack([10.0 * steady, 10.0 * noise])
     built = made(data)
     table = system.products(built, built.whiten(columns))
-    left = data - changes.folded(built, table, np.ones(1), columns, noise=[1])
+    left = changes.held_out(built, table, np.ones(1), columns, data, noise=[1]).values
     assert np.max(np.abs(left - 4.0 * noise)) < 0.06
-    left = data - changes.folded(built, table, np.ones(1), columns, noise=[])
+    left = changes.held_out(built, table, np.ones(1), columns, data, noise=[]).values
     assert np.max(np.abs(left)) < 0.08
+
+
+def test_what_a_slope_may_be_off_is_no_gap() -> None:
+    """A slope that shows hardly anything in four folds and much in the fifth: what it foretells there is off, as much as its doubt says."""
+    slope = np.where(np.arange(N) >= N - N // FOLDS, 1.0, 0.02)[None]
+    squares, doubts, gaps = [], [], 0
+    for seed in range(SEED, SEED + 200):
+        rng = np.random.default_rng(seed)
+        data = rng.standard_normal() * slope + rng.standard_normal((1, N))
+        built = made(data)
+        left = changes.held_out(built, system.products(built, built.whiten(slope[None])), np.ones(1), slope[None], data, noise=[])
+        squares.append(np.mean(left.values**2) - 1.0)
+        doubts.append(float(left.doubt[0]))
+        gaps += changes.changes(built, left, left.values)[1].fraction is not None
+    assert np.mean(doubts) == pytest.approx(np.mean(squares), rel=0.35)
+    assert gaps <= 5  # one in 120 is expected; without the doubt it would be most of them

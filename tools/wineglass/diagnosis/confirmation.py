@@ -40,18 +40,18 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
     """chosen: None leaves the gap as it is."""
     recorded, base = _channels(found, found.recorded), _channels(found, found.base)
     nuisance = found.responses.values[list(found.responses.nuisances)][:, found.pick, :]
-    before = recorded - base - changes.folded(found.system, found.table, found.softening, nuisance, found.wandering, TOLERATED)
-    after, polished = before, None
+    before = changes.held_out(found.system, found.table, found.softening, nuisance, recorded - base, found.wandering, TOLERATED)
+    after, polished = before.values, None
     if chosen is not None:
         there, frames = _run(found, chosen)
         left = recorded - _channels(found, frames)
         columns = there.columns(found.pick)
         polished = _polish(found, columns, left, np.concatenate([there.bench.centre([name for name, _ in there.slopes]), there.off]))
-        after = left - changes.folded(found.system, polished, found.softening, columns, found.wandering)
+        after = changes.held_out(found.system, polished, found.softening, columns, left, found.wandering).values
     each, total = changes.changes(found.system, before, after)
     values, covariance = (np.zeros(0), np.zeros((0, 0))) if chosen is None or polished is None else _estimate(found, chosen, polished)
     gained = changes.changes(found.system, found.alone, after)[1]
-    return Confirmed(each, total, gained, before, after, changes.counted(found.system), values, covariance)
+    return Confirmed(each, total, gained, before.values, after, changes.counted(found.system), values, covariance)
 
 
 def _run(found: TwinAnalysis, chosen: Closed) -> tuple[Standing, Frames]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from wineglass.diagnosis import changes, looks, responses, standing
 from wineglass.diagnosis.beside import LARGEST
+from wineglass.diagnosis.changes import Left
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.closure import Closed, NoNumbersError
 from wineglass.diagnosis.explain import Support
@@ -30,9 +31,9 @@ FAR_FROM_RIGHT = 300.0  # energy per frame that an explanation may leave and sti
 LOOKS = 3  # explanations that are followed one after the other
 
 
-def last_look(there: Standing, base: Frames, nominal: Bench, task: Task) -> tuple[Look, np.ndarray]:
+def last_look(there: Standing, base: Frames, nominal: Bench, task: Task) -> tuple[Look, Left]:
     """there: the unit that the recording asks for, base: the full twin's frames of it; nominal: the described one. Also what that unit leaves without any effect
-    on held-out data (channels, n)."""
+    on held-out data."""
     built, left = _left(there, base, task)
     if _is_a_gap(built, left):
         return _explained(there, base, nominal, task), left
@@ -43,17 +44,18 @@ def _has_a_gap(there: Standing, frames: Frames, task: Task) -> bool:
     return _is_a_gap(*_left(there, frames, task))
 
 
-def _is_a_gap(built: System, left: np.ndarray) -> bool:
+def _is_a_gap(built: System, left: Left) -> bool:
     """Is any channel further from the full twin on held-out data than its floor? Where none is there is nothing (more) to explain."""
-    return changes.changes(built, left, left)[1].fraction is not None
+    return changes.changes(built, left, left.values)[1].fraction is not None
 
 
-def _left(there: Standing, frames: Frames, task: Task) -> tuple[System, np.ndarray]:
-    """Recorded minus full twin (channels, n), what is uncertain fitted on the other stretches."""
+def _left(there: Standing, frames: Frames, task: Task) -> tuple[System, Left]:
+    """Recorded minus full twin, what is uncertain fitted on the other stretches."""
     built = task.system(there.bench, frames)
     wandering = responses.wandering([name for name, _ in there.slopes])
     left = np.array([task.recorded[name] - frames[name] for name in built.names])
-    return built, left - changes.folded(built, standing.linear(there, task, built), np.ones(len(built.names)), there.columns(task.pick), wandering, FARTHEST)
+    table = standing.linear(there, task, built)
+    return built, changes.held_out(built, table, np.ones(len(built.names)), there.columns(task.pick), left, wandering, FARTHEST)
 
 
 def _explained(there: Standing, base: Frames, nominal: Bench, task: Task) -> Look:

@@ -13,6 +13,7 @@ import numpy as np
 
 from wineglass.device import Device
 from wineglass.diagnosis import channels, drive, explain, floors, follow, noisy, responses, standing, system, task
+from wineglass.diagnosis.changes import Left
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.drive import Driven
@@ -41,7 +42,7 @@ class TwinAnalysis:
 
     base: the full twin without effects. pick: the system's channels among those of bench and responses. none: no effect; closed:
     explanations followed on the envelope twin, the best first. held_none (folds, channels): energy left when nuisances are fitted on the other folds.
-    alone (channels, n): what the unit that the recording asks for leaves without any effect, held out; an explanation may stand about another unit.
+    alone: what the unit that the recording asks for leaves without any effect, held out; an explanation may stand about another unit.
     """
 
     driven: Driven
@@ -58,7 +59,7 @@ class TwinAnalysis:
     closed: list[Closed]
     softening: np.ndarray
     held_none: np.ndarray
-    alone: np.ndarray
+    alone: Left
     ran: tuple[Standing, Frames] | None
     """where the full twin was run last with an explanation, and its frames"""
 
