@@ -10,14 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wineglass.diagnosis.explain import posterior_covariance, posterior_mean, within
+from wineglass.diagnosis.explain import posterior_mean, within
 from wineglass.diagnosis.system import FOLDS, Products, System
 
 DRAWS = 400
 PIECES = 15
 SEED = 22
 FLOOR_KNOWN = 1.1  # the floor's variance comes from a short run of the description, and a unit is fitted as well as slopes allow
-DOUBTED = 7.0  # variances of what was foretold: one error of a slope is that large in one of 120 recordings
 TRUSTED = 0.3  # frames with less weight than that are left out of the rms: there the twin is not believed
 
 
@@ -40,36 +39,38 @@ def counted(system: System) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Left:
-    """What a twin leaves of a recording on held-out data: values (channels, n), and doubt (channels,), the mean variance of what was foretold there. Slopes of
-    what little was seen of elsewhere foretell with errors, and these are no gap."""
+    """What a twin leaves of a recording on held-out data: values (channels, n), everything uncertain fitted on the other folds. least (channels,): rms that the
+    unit leaves as it stands, or fitted on all folds, whichever is less: what goes so was no gap, though a stretch that alone shows a slope cannot be foretold
+    from the others."""
 
     values: np.ndarray
-    doubt: np.ndarray
+    least: np.ndarray
 
 
 def held_out(system: System, products: Products, softening: np.ndarray, columns: np.ndarray, left: np.ndarray, noise: Collection[int],
              limit: float | None = None) -> Left:
-    """What a twin leaves, left (channels, n), less what columns (k, channels, n) of the products foretell of it, fitted without a frame's own fold. noise:
-    columns that wander; where nobody looked nobody can tell how, it is a part of the floor. limit: no coefficient may be further from its prior's middle."""
-    values, variance, places = left.copy(), np.zeros(len(left)), list(range(len(columns)))
-    use, steady = counted(system), sorted({*places} - {*noise})
-    for fold in range(FOLDS):
+    """What a twin leaves, left (channels, n), less what columns (k, channels, n) of the products foretell of it. noise: columns that wander; where nobody looked
+    nobody can tell how, it is a part of the floor. limit: no coefficient may be further from its prior's middle."""
+    places = list(range(len(columns)))
+
+    def without(fold: int | None) -> np.ndarray:
         gram = products.pooled(softening, [f for f in range(FOLDS) if f != fold])
         coefficients = posterior_mean(gram, places)[0] if limit is None else within(gram, places, -products.about[places], limit)
         coefficients[list(noise)] = 0.0
-        here = system.fold == fold
-        values[:, here] -= np.einsum("k,kcn->cn", coefficients, columns[:, :, here])
-        covariance = posterior_covariance(gram, steady)
-        for channel in range(len(left)):
-            seen = columns[steady, channel][:, here & use[channel]]
-            variance[channel] += float(np.sum((covariance @ seen) * seen))
-    return Left(values, variance / np.maximum(np.count_nonzero(use, axis=1), 1))
+        here = np.ones(left.shape[1], bool) if fold is None else system.fold == fold
+        return left[:, here] - np.einsum("k,kcn->cn", coefficients, columns[:, :, here])
+
+    values = np.empty_like(left)
+    for fold in range(FOLDS):
+        values[:, system.fold == fold] = without(fold)
+    use, fitted = counted(system), without(None)
+    return Left(values, np.array([min(_rms(left[i][use[i]]), _rms(fitted[i][use[i]])) for i in range(len(left))]))
 
 
 def changes(system: System, before: Left, after: np.ndarray) -> tuple[list[Change], Change]:
     """Of every channel, and of all that have a gap, each in units of its floor. after (channels, n): recorded minus twin."""
     use = counted(system)
-    found = [_change(system, i, before.values[i][use[i]], after[i][use[i]], float(before.doubt[i])) for i in range(len(system.names))]
+    found = [_change(system, i, before.values[i][use[i]], after[i][use[i]], float(before.least[i])) for i in range(len(system.names))]
     return found, _total(system, found, before.values, after, use)
 
 
@@ -82,9 +83,11 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
-def _change(system: System, channel: int, before: np.ndarray, after: np.ndarray, doubt: float) -> Change:
+def _change(system: System, channel: int, before: np.ndarray, after: np.ndarray, least: float) -> Change:
     floor = _floor_of(system, channel)
-    fraction, interval = _fraction([before], [after], [floor], system.floor.independent(channel) * len(before), doubt)
+    fraction, interval = _fraction([before], [after], [floor], system.floor.independent(channel) * len(before))
+    if least**2 <= FLOOR_KNOWN * floor**2:
+        fraction, interval = None, None
     return Change(system.names[channel], _rms(before), _rms(after), floor, fraction, interval)
 
 
@@ -98,10 +101,8 @@ def _total(system: System, found: list[Change], before: np.ndarray, after: np.nd
     return Change("all", _rms(np.concatenate(scaled[0])), _rms(np.concatenate(scaled[1])), 1.0, fraction, interval)
 
 
-def _fraction(before: list[np.ndarray], after: list[np.ndarray], floors: list[float], worth: float, doubt: float = 0.0
-              ) -> tuple[float | None, tuple[float, float] | None]:
-    """Share of the amplitude above the floor that is gone, and 95 % of it from contiguous pieces drawn again. worth: independent frames; doubt: mean square that
-    what was foretold before may be off."""
+def _fraction(before: list[np.ndarray], after: list[np.ndarray], floors: list[float], worth: float) -> tuple[float | None, tuple[float, float] | None]:
+    """Share of the amplitude above the floor that is gone, and 95 % of it from contiguous pieces drawn again. worth: independent frames."""
     count = sum(len(values) for values in before)
     floor_squared = float(np.mean([f**2 for f in floors]))
     if count == 0 or floor_squared == 0.0:
@@ -109,7 +110,7 @@ def _fraction(before: list[np.ndarray], after: list[np.ndarray], floors: list[fl
     squares = np.array([[sum(float(np.sum(np.array_split(v, PIECES)[p] ** 2)) for v in values) for p in range(PIECES)] for values in (before, after)])
     sizes = np.array([sum(len(np.array_split(v, PIECES)[p]) for v in before) for p in range(PIECES)])
     mean = squares.sum(axis=1) / count
-    if mean[0] <= floor_squared * (FLOOR_KNOWN + 3.0 * np.sqrt(2.0 / max(worth, 1.0))) + DOUBTED * doubt:
+    if mean[0] <= floor_squared * (FLOOR_KNOWN + 3.0 * np.sqrt(2.0 / max(worth, 1.0))):
         return None, None
     drawn = np.random.default_rng(SEED).integers(0, PIECES, (DRAWS, PIECES))
     again = squares[:, drawn].sum(axis=2) / sizes[drawn].sum(axis=1)

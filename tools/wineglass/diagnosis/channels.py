@@ -42,13 +42,15 @@ class Grid:
 
 @dataclass(frozen=True)
 class Frames:
-    """values (channels, n); use (channels, n): the mean is sound; bridged (n,): lost samples are in it, None: nowhere."""
+    """values (channels, n); use (channels, n): the mean is sound; bridged (n,): lost samples are in it, None: nowhere; shaken: single events shake
+    the shell again and again."""
 
     grid: Grid
     names: tuple[str, ...]
     values: np.ndarray
     use: np.ndarray
     bridged: np.ndarray | None = None
+    shaken: bool = False
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.values[self.names.index(name)]

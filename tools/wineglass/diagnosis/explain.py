@@ -72,16 +72,6 @@ def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, flo
     return cho_solve(factor, gram[places, -1] / size) / size, determinant
 
 
-def posterior_covariance(gram: np.ndarray, kept: list[int]) -> np.ndarray:
-    """(kept, kept): of these coefficients, all others of the products uncertain beside them; priors as for `posterior_mean`."""
-    part = gram[:-1, :-1]
-    size = np.sqrt(np.maximum(np.diagonal(part), 1e-12))
-    factor = cho_factor(part / np.outer(size, size) + np.diag(1.0 / size**2 + JITTER))
-    wanted = np.zeros((len(part), len(kept)))
-    wanted[kept, np.arange(len(kept))] = 1.0 / size[kept]
-    return cho_solve(factor, wanted)[kept] / size[kept][:, None]
-
-
 def within(gram: np.ndarray, places: list[int], middle: np.ndarray, limit: float) -> np.ndarray:
     """Coefficients of `places` that stay within limit standard deviations of their priors' middles: bounded least squares, priors included."""
     found, _ = posterior_mean(gram, places)

@@ -88,7 +88,7 @@ def _closed(closer: Closer, counts: dict[str, int], known: tuple[Closed, Standin
         best, there = known
         assert there.jacobian is not None
         followed = forms.pruned(closer, closer.resume(best.support, best.variants, best.unknowns, there.values, there.jacobian))
-        closed = _with_one_more(closer, followed, counts, settled)
+        closed = {**(_exchanged(closer, followed, counts) if settled else {}), **_with_one_more(closer, followed, counts, settled)}
     for entry in _worth_closing(_ranked(closer.table, found), len(found.nuisances)) if largest else []:
         if entry.support not in closed and len(entry.support) <= largest:
             with suppress(NoNumbersError):
@@ -114,6 +114,17 @@ def _with_one_more(closer: Closer, closed: Closed, counts: dict[str, int], alone
     closed.weigh(np.ones(len(closer.system.names)), len(closer.responses.nuisances), counts)
     more = [] if alone else beside(closer, closed, counts)
     return {entry.support: entry for entry in [closed, *more]}
+
+
+def _exchanged(closer: Closer, closed: Closed, counts: dict[str, int]) -> dict[Support, Closed]:
+    """What a set would be with another effect in the place of each of its own: one of them may have a twin. Of a single effect all others are closed anyway."""
+    found = dict[Support, Closed]()
+    for effect in closed.support if len(closed.support) > 1 else ():
+        with suppress(NoNumbersError):
+            less = closer.without(closed, effect)
+            less.weigh(np.ones(len(closer.system.names)), len(closer.responses.nuisances), counts)
+            found |= _cheapest(closer, found, {entry.support: entry for entry in beside(closer, less, counts)})
+    return found
 
 
 def _ranked(table: system.Products, found: Responses) -> explain.Ranking:

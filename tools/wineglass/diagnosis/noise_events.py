@@ -51,12 +51,14 @@ class Event:
 
 @dataclass(frozen=True)
 class Events:
-    """hidden_s: spans in which an event would not have been seen: a command shook the loops, too"""
+    """hidden_s: spans in which an event would not have been seen: a command shook the loops, too. spikes_s: instants at which the frequency was off and turned
+    nothing, as after a wrong sample that the amplitude does not show"""
 
     found: list[Event]
     examined_s: float
     counter_rate_hz: float
     hidden_s: list[tuple[float, float]] = field(default_factory=list)
+    spikes_s: list[float] = field(default_factory=list)
 
     @property
     def times_s(self) -> np.ndarray:
@@ -93,11 +95,12 @@ def find(recording: Recording) -> Events | None:
     large = np.flatnonzero(usable & (np.abs(rest) > THRESHOLD * sigma))
     groups = np.split(large, np.flatnonzero(np.diff(large) > max(APART_S * tap.sample_rate_hz, APART_SAMPLES)) + 1) if len(large) else []
     per_sample = float(np.median(filled[usable])) / tap.counter_rate_hz
-    found = [_event(tap.time_s, rest, group, tap.sample_rate_hz, per_sample) for group in groups
+    short = [_event(tap.time_s, rest, group, tap.sample_rate_hz, per_sample) for group in groups
              if len(group) <= max(LONGEST_S * tap.sample_rate_hz, LONGEST_SAMPLES)]
-    found = [event for event in found if abs(event.turns) >= LEAST_TURNS]
+    found = [event for event in short if abs(event.turns) >= LEAST_TURNS]
     found = sorted(found + _stale(tap, usable, [event.time_s for event in found], per_sample), key=lambda event: event.time_s)
-    return Events(found, np.count_nonzero(usable) / tap.sample_rate_hz, tap.counter_rate_hz, _around_commands(recording))
+    spikes = [event.time_s for event in short if abs(event.turns) < LEAST_TURNS]
+    return Events(found, np.count_nonzero(usable) / tap.sample_rate_hz, tap.counter_rate_hz, _around_commands(recording), spikes)
 
 
 def _around(values: np.ndarray, reach: int = 12, gap: int = 4) -> np.ndarray:

@@ -42,7 +42,7 @@ def undisturbed(recorded: Frames, driven: Driven, noise: NoiseEvidence) -> Frame
         shaken |= (time_s > begin - recorded.grid.frame_s) & (time_s < end + recorded.grid.frame_s)
     if np.mean(shaken) > MOST_MASKED:
         shaken[:] = True
-    return replace(recorded, use=recorded.use & ~shaken)
+    return replace(recorded, use=recorded.use & ~shaken, shaken=True)
 
 
 def without_beats(recorded: Frames, recording: Source, noise: NoiseEvidence) -> Frames:

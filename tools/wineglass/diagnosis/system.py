@@ -10,12 +10,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.stats import norm
 
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.floors import SHORT_ORDER, Floor
 
 FOLDS = 5
 LEAST_NOISE, MOST_NOISE = 0.8, 2.2  # of the described floor: twice the noise is no gap of the means; more may be one that moves fast
+MOST_SHAKEN, TAIL = 5.0, 0.9  # where single events shake the shell: it rings on, and one frame in ten says how much
 MOVING = 5e-4  # of the change from frame to frame of the secondary: so far the twins are believed to follow what moves fast
 LOSSES = 1.5  # floors of the losses: so much of their flicker is faster than what wanders
 JUMP = 1e-3  # of the change from frame to frame, where the rate steps: recorded means do not say how the step went
@@ -82,29 +84,36 @@ def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], 
     grid = recorded.grid
     difference = np.array([recorded[name] - base[name] for name in names])
     use = np.array([recorded.use[recorded.names.index(n)] & base.use[base.names.index(n)] for n in names])
+    floor = _unbalanced(floor, names) if recorded.shaken else floor
     weight = use * _trust(base, names, floor, jumps, losses)
     for name in (n for n in names if n in BALANCED):
         place = names.index(name)
         weight[place] /= 1.0 + UNBALANCED * _after(~use[place] if recorded.bridged is None else ~use[place] | recorded.bridged)
-    empty = System(grid, names, _scaled(floor, weight, difference), weight, _folds(grid, edges_s, aside), (), difference)
+    empty = System(grid, names, _scaled(floor, weight, difference, recorded.shaken), weight, _folds(grid, edges_s, aside), (), difference)
     basis = tuple(np.zeros((grid.count, 0)) if regressors is None else _basis(empty, i, regressors) for i in range(len(names)))
     return replace(empty, basis=basis, data=empty.whiten(difference))
 
 
-def _scaled(floor: Floor, weight: np.ndarray, difference: np.ndarray) -> Floor:
+def _unbalanced(floor: Floor, names: tuple[str, ...]) -> Floor:
+    """With white noise where it would be taken back: too much of it is missing between events for one frame to foretell the next."""
+    white = np.array([name in BALANCED for name in names])
+    return Floor(floor.rms, np.where(white, floor.rms, floor.innovation), np.where(white[:, None], 0.0, floor.coefficients))
+
+
+def _scaled(floor: Floor, weight: np.ndarray, difference: np.ndarray, shaken: bool) -> Floor:
     """The floor as large as the recording's own fastest changes show it: how much noise there is, is another question than what moves."""
-    factors = []
+    factors, (most, part) = [], (MOST_SHAKEN, TAIL) if shaken else (MOST_NOISE, 0.5)
     for i, row in enumerate(difference):
         use = weight[i] > 0.5
         white = floor.whiten(i, np.where(weight[i] > 0, row, 0.0))
         change = np.diff(white)[use[1:] & use[:-1]]
-        factors.append(min(MOST_NOISE, max(LEAST_NOISE, spread(change))) if len(change) > 20 else 1.0)
+        factors.append(min(most, max(LEAST_NOISE, spread(change, part))) if len(change) > 20 else 1.0)
     return Floor(floor.rms * factors, floor.innovation * factors, floor.coefficients)
 
 
-def spread(change: np.ndarray) -> float:
-    """Standard deviation of white noise from its changes, whatever moves slowly."""
-    return float(np.median(np.abs(change))) / (0.6745 * np.sqrt(2.0))
+def spread(change: np.ndarray, part: float = 0.5) -> float:
+    """Standard deviation of white noise from its changes, whatever moves slowly; from the size that this part of them does not exceed."""
+    return float(np.quantile(np.abs(change), part)) / (float(norm.ppf(0.5 + 0.5 * part)) * np.sqrt(2.0))
 
 
 def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray, losses: float) -> np.ndarray:
