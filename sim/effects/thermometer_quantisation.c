@@ -1,4 +1,5 @@
-/* The thermometer reads in coarse steps. */
+/* The thermometer reads in coarse steps. With a dead band each code holds on for a part of a step, whichever way the temperature goes: that is play before the
+ * rounding. */
 #include <math.h>
 
 #include "sim/effects/effect.h"
@@ -45,13 +46,29 @@ static double read(const double *values, const struct effect_context *now, doubl
     return now->reference_degc + values[0] * rounded;
 }
 
+enum { HELD, STARTED };
+
+static double hold(const double *values, double *state, const struct effect_context *now, double degc)
+{
+    (void)now;
+    double half = fabs(values[0] * values[1]);
+    if (state[STARTED] == 0.0) {
+        state[HELD] = degc;
+        state[STARTED] = 1.0;
+    }
+    state[HELD] = fmin(fmax(state[HELD], degc - half), degc + half);
+    return state[HELD];
+}
+
 const struct effect effect_thermometer_quantisation = {
     .id = "thermometer_quantisation",
     .stage = EFFECT_STAGE_TEMPERATURE,
-    .equation = "Tm = T0 + q round((T - T0) / q)",
+    .equation = "Tm = T0 + q round((P - T0) / q), P: T with play of d q to each side",
     .appearance = "stairs in the measured temperature and in whatever is compensated with it",
     .parameter = {
         {"step_degc", "degC", EFFECT_STRENGTH, 0.0, 0.0, 10.0, 0.5, "a sensor of 9 bits"},
+        {"dead_band", "1", EFFECT_SHAPE, 0.0, 0.0, 1.0, 0.25, "of a step: a comparator that holds on to its code"},
     },
+    .thermometer = hold,
     .reading = read,
 };

@@ -35,6 +35,7 @@ SPECIAL = {
     "ageing": Setting("ageing", {"linear_rad_s_per_h": 0.01, "logarithmic_rad_s": 1e-4, "time_constant_s": 5.0}),
     "damping_step": Setting("damping_step", {"damping": 0.02, "time_s": 12.0, "creep_s": 2.0}),
     "thermal_hysteresis": Setting("thermal_hysteresis", {"bias_rad_s": 2e-4, "half_width_degc": 3.0}),
+    "thermometer_quantisation": Setting("thermometer_quantisation", {"step_degc": 0.5, "dead_band": 0.25}),
     "thermometer_lag": Setting("thermometer_lag", {"lag_s": 2.0}),
     "flicker_noise": Setting("flicker_noise", {"bias_rad_s": 1e-4}),
     "vibration": Setting("vibration", {"rate_rad_s": 0.02, "rectified_rad_s": 1e-4, "frequency_hz": 3.0}),
@@ -250,3 +251,17 @@ def test_too_many_effects_are_refused_by_both_twins():
         envelope(case(fields("open"), many))
     with pytest.raises(BadInput, match="effects"):
         full(case(fields("open"), many))
+
+
+def test_stairs_with_a_dead_band_hold_on_to_their_code():
+    """Codes of a comparator, by definition: a code goes up or down when the temperature is a quarter of a step beyond the border to the next one."""
+    step, band, reference_degc = 0.5, 0.25, 25.0
+    stairs = Setting("thermometer_quantisation", {"step_degc": step, "dead_band": band})
+    ramps = {**fields("open"), "duration_s": 14.0, "command": []}
+    degc, shown = (full(case(ramps, chosen, frame_ticks=1))["temperature_measured"] for chosen in ((), [stairs]))
+    code, expected = round((degc[0] - reference_degc) / step), []
+    for value in (degc - reference_degc) / step:
+        code = int(np.floor(value + 0.5 - band)) if value > code + 0.5 + band else int(np.ceil(value - 0.5 + band)) if value < code - 0.5 - band else code
+        expected.append(reference_degc + step * code)
+    assert np.ptp(degc) > 15.0 and np.max(np.diff(degc)) > 0.0 > np.min(np.diff(degc))
+    assert np.mean(np.abs(shown - expected) < 1e-3) > 0.999  # but for readings that the rounding of telemetry puts on the other side of a border

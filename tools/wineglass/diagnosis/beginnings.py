@@ -7,12 +7,13 @@ import numpy as np
 from wineglass import effects
 from wineglass.diagnosis import curves
 from wineglass.diagnosis.explain import Explained
-from wineglass.diagnosis.responses import AXES_DEG, POLAR, REACH, Bench, Responses, Variant
+from wineglass.diagnosis.responses import AXES_DEG, POLAR, REACH, STAIRS, Bench, Responses, Variant
 from wineglass.diagnosis.unknowns import AXIS, Unknown, differences, respond
 from wineglass.errors import BadInput
 
 MOMENT_S = 2.0  # about the moment that a linear pass found
 DOMINATES = 0.7  # of the amplitude of a split or mismatch: a constant of more has an axis that everything else follows
+SEEN = 0.01  # of stairs that readings show
 AXIS_SPREAD_DEG, AXIS_BOUND_DEG = 45.0, 1e3
 Begun = list[tuple[Unknown, np.ndarray]]
 """Unknowns, each with what one of its unit does (channels of the bench, n)"""
@@ -30,7 +31,7 @@ def begin(bench: Bench, responses: Responses, pick: list[int], start: Explained)
             found, axis = _polar(bench, responses, variant, coefficients)
             shapes += axis
         else:
-            found = _straight(responses, variant, coefficients)
+            found = _straight(bench, responses, variant, coefficients)
         begun += found
         shapes += [_shape(variant.effect, name, value) for name, value in variant.shapes.items()]
     unknowns, rows = [unknown for unknown, _ in begun], [row[pick] for _, row in begun]
@@ -43,7 +44,7 @@ def _parameter(effect: str, name: str) -> effects.Parameter:
     return next(p for p in effects.find(effect).parameters if p.name == name)
 
 
-def _straight(responses: Responses, variant: Variant, coefficients: dict[int, float]) -> Begun:
+def _straight(bench: Bench, responses: Responses, variant: Variant, coefficients: dict[int, float]) -> Begun:
     found = []
     for column in variant.columns:
         probe = responses.columns[column].probe
@@ -55,6 +56,8 @@ def _straight(responses: Responses, variant: Variant, coefficients: dict[int, fl
         if whole:
             value = min(max(value, 0.2 * unit), 5.0 * unit)
         spread = abs(unit) if whole else REACH * abs(record.typical)
+        if variant.effect == STAIRS and bench.stairs_degc is not None:  # stairs of another height are no smaller stairs
+            value, spread = unit, SEEN * unit
         value = min(max(value, record.low), record.high)
         unknown = Unknown(variant.effect, record.name, "form" if record.form else "strength", value, unit if whole else 0.0, spread, record.low, record.high)
         found.append((unknown, responses.values[column] / unit))

@@ -43,7 +43,7 @@ class Grid:
 @dataclass(frozen=True)
 class Frames:
     """values (channels, n); use (channels, n): the mean is sound; bridged (n,): lost samples are in it, None: nowhere; shaken: single events shake
-    the shell again and again."""
+    the shell again and again, or harmonics beat."""
 
     grid: Grid
     names: tuple[str, ...]

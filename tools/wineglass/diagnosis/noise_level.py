@@ -79,6 +79,11 @@ class NoiseEvidence:
         """name, value, 95 % interval, unit; in the catalogue's names"""
         return self._parameters.get(effect_id, [])
 
+    @property
+    def stairs_degc(self) -> float | None:
+        """Steps of the thermometer, where its readings show coarse ones."""
+        return self.steps.step_degc if self.steps is not None and self.steps.coarse else None
+
     def added(self, effects: frozenset[str]) -> noise_added.Added:
         """What these effects' noise, as strong as the spectra say, does to slow channels: densities for their floors, and the bias' own wander."""
         return noise_added.of(self.spectral.estimates if self.spectral is not None else {}, effects)

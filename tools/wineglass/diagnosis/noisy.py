@@ -17,6 +17,8 @@ from wineglass.recording.memory import Source
 
 FLICKER, DROPPED = "flicker_noise", "dropped_samples"
 BEATING = frozenset({"interference", "vibration"})
+BENT = frozenset({"adc_nonlinearity", "adc_saturation"})
+"""Converters that bend: their harmonics beat with the sampling clock in whatever stands still otherwise, and no envelope knows the phase"""
 SLOW_HZ = (0.01, 0.1)  # where a wander of the bias is compared with the described floor
 FED = ("secondary_", "rebalance_", "rate", "quadrature")
 MOST_MASKED = 0.8  # of all frames; what is left beyond that says nothing
@@ -43,6 +45,11 @@ def undisturbed(recorded: Frames, driven: Driven, noise: NoiseEvidence) -> Frame
     if np.mean(shaken) > MOST_MASKED:
         shaken[:] = True
     return replace(recorded, use=recorded.use & ~shaken, shaken=True)
+
+
+def with_beats(recorded: Frames) -> Frames:
+    """Whatever changes from frame to frame is noise of a converter that bends."""
+    return replace(recorded, shaken=True)
 
 
 def without_beats(recorded: Frames, recording: Source, noise: NoiseEvidence) -> Frames:

@@ -27,6 +27,7 @@ from wineglass.scenario import Run
 NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference", "dropped_samples")
 """Effects whose mean over a frame is nothing, or that are over within a few: diagnosis/noise_level.py looks for them."""
 STEP_S = 0.04  # of the envelope twin
+STAIRS, DEAD_BANDS = "thermometer_quantisation", (0.0, 0.25)
 MOST_LIMITED = 0.1  # of a run's slow ticks, beyond the nominal run's: an effect that holds the forces at their limits for longer is refused
 SLOPE_STEP = 0.02  # standard deviations
 WANDER, WANDER_TERMS = "wander of ", {"losses": 48}
@@ -76,10 +77,11 @@ class Responses:
 
 class Bench:
     """Runs the envelope twin over the recorded inputs, again and again. unit: the device in truth; shell_off: by how much the bench's shell
-    thermometer reads too little, in standard deviations."""
+    thermometer reads too little, in standard deviations; stairs_degc: steps that the recorded thermometer was seen to have."""
 
-    def __init__(self, driven: Driven, grid: Grid, names: Sequence[str], unit: Unit | None = None, shell_off: float = 0.0):
+    def __init__(self, driven: Driven, grid: Grid, names: Sequence[str], unit: Unit | None = None, shell_off: float = 0.0, stairs_degc: float | None = None):
         self.driven, self.grid, self.shell_off = driven.warmer(shell_off * SHELL_OFFSET_DEGC), grid, shell_off
+        self.stairs_degc = stairs_degc
         self._as_recorded = driven
         self.unit = Unit.of(driven.run.device) if unit is None else unit
         self.names = tuple(name for name in names if name in ENVELOPE_CHANNELS)
@@ -105,7 +107,7 @@ class Bench:
         return self.nominal[self.names.index(MEASURED)] if MEASURED in self.names else self.shell_degc
 
     def at(self, unit: Unit, shell_off: float) -> Bench:
-        return Bench(self._as_recorded, self.grid, self.names, unit, shell_off)
+        return Bench(self._as_recorded, self.grid, self.names, unit, shell_off, self.stairs_degc)
 
     def centre(self, nuisances: Sequence[str], unit: Unit | None = None) -> np.ndarray:
         """(m,): where the bench's runs have what is uncertain, in standard deviations. unit: None is the bench's own."""
@@ -263,6 +265,8 @@ def _variants(bench: Bench, effect: effects.Effect) -> list[tuple[dict[str, floa
     """Shapes, and the probes of each: name of the strength, setting, prior in multiples of the setting."""
     if effect.id in POLAR:
         return [({}, [probe for axis in AXES_DEG for probe in _strengths(effect, {"axis_deg": axis})])]
+    if effect.id == STAIRS and bench.stairs_degc is not None:
+        return [({"dead_band": part}, [("step_degc", Setting(STAIRS, {"step_degc": bench.stairs_degc, "dead_band": part}), 1.0)]) for part in DEAD_BANDS]
     if effect.id in _WHOLE:
         return [({}, [(name, Setting(effect.id, {name: value}), 1.0)]) for name, value in _WHOLE[effect.id](bench)]
     shapes = _SHAPES.get(effect.id, lambda _: [{}])(bench)
@@ -303,7 +307,7 @@ def _steps(bench: Bench) -> list[tuple[str, float]]:
 
 
 _WHOLE: dict[str, Callable[[Bench], list[tuple[str, float]]]] = {
-    "thermometer_lag": _lags, "adc_saturation": _clips, "thermometer_quantisation": _steps}
+    "thermometer_lag": _lags, "adc_saturation": _clips, STAIRS: _steps}
 """Effects that do not grow in proportion to their parameter: whole effects of several sizes, each with a coefficient of about one."""
 
 

@@ -17,7 +17,7 @@ from wineglass.diagnosis.floors import SHORT_ORDER, Floor
 
 FOLDS = 5
 LEAST_NOISE, MOST_NOISE = 0.8, 2.2  # of the described floor: twice the noise is no gap of the means; more may be one that moves fast
-MOST_SHAKEN, TAIL = 5.0, 0.9  # where single events shake the shell: it rings on, and one frame in ten says how much
+MOST_SHAKEN, TAIL = 50.0, 0.9  # where single events shake the shell, or harmonics beat: one frame in ten says how much
 MOVING = 5e-4  # of the change from frame to frame of the secondary: so far the twins are believed to follow what moves fast
 LOSSES = 1.5  # floors of the losses: so much of their flicker is faster than what wanders
 JUMP = 1e-3  # of the change from frame to frame, where the rate steps: recorded means do not say how the step went

@@ -91,8 +91,9 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
         added = noise.added(named - {noisy.FLICKER}) if named - {noisy.FLICKER} else None
         driven = noisy.device_with(driven, noise.added(named & {noisy.FLICKER}))
         recorded = noisy.undisturbed(recorded, driven, noise) if noisy.DROPPED in named else recorded
+        recorded = noisy.with_beats(recorded) if noisy.BENT & named else recorded
         recorded = noisy.without_beats(recorded, recording, noise) if noisy.BEATING & named else recorded
-    bench = Bench(driven, grid, recorded.names)
+    bench = Bench(driven, grid, recorded.names, stairs_degc=noise.stairs_degc if noise is not None else None)
     loops = drive.loop_at(driven, grid.time_s)
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (loops.any(), loops.all())}), added)
     asked = task.asked(recorded, driven, recording, floor, system.chosen(bench.names, floor), without, advance)

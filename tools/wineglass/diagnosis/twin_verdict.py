@@ -26,6 +26,7 @@ UNKNOWN_ABOVE = 0.5
 NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of it
 IMITATED = 0.4  # of an explanation that as few plain laws would imitate as it has numbers: that it is something unknown
 NEARLY_REMOVED, NEARLY_OF_SEVERAL = 0.93, 0.95  # by a single effect, and by several: what is left may be their own laws'
+NEARLY_OF_TRACED = 0.75  # by an effect that is there anyway: noise, lines, events or codes show it
 MUCH_LEFT = 3.0  # floors: of a large gap nearly all may be removed, and what is left is another effect or the law's own, one as likely as the other
 MANY = 3  # effects that only means show: so many numbers fit others' doings, too
 NOISE_LEFT = 1.3  # floors: a small gap of which no more is left says little about how much of it was removed
@@ -126,7 +127,8 @@ def _nearly(outcome: Outcome, confirmed: Confirmed, traced: frozenset[str]) -> b
         return False
     nothing_left = confirmed.total.after <= NOISE_LEFT and confirmed.total.interval[1] >= ENOUGH_REMOVED
     single = _single(outcome.chosen, traced)
-    return confirmed.total.fraction >= (NEARLY_REMOVED if single else NEARLY_OF_SEVERAL) or (single and nothing_left)
+    least = NEARLY_OF_TRACED if set(outcome.chosen.support) <= traced else NEARLY_REMOVED if single else NEARLY_OF_SEVERAL
+    return confirmed.total.fraction >= least or (single and nothing_left)
 
 
 def _doubtful(outcome: Outcome, confirmed: Confirmed, traced: frozenset[str]) -> bool:
@@ -163,13 +165,13 @@ def _by_traces_alone(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvide
 
 
 def _beside_unknown(outcome: Outcome, weighed: Hypotheses, removed: float | None, noise: NoiseEvidence | None) -> tuple[Outcome, Hypotheses]:
-    """What something unknown is beside may be its doing: an effect is believed as the square of what it removes, each of several as the square for all of them,
-    and named if that is most likely. What noise, lines, events or codes have named stands without that, but for a bias that wanders."""
+    """What something unknown is beside may be its doing: an effect is believed as the square of what it removes, each of several as the square for every pair of
+    them, and named if that is most likely. What noise, lines, events or codes have named stands without that, but for a bias that wanders."""
     if outcome.verdict != "unknown" or removed is None:
         return outcome, weighed
     traced = frozenset(noise.named if noise is not None else ()) - {"flicker_noise"}
     several = max(1, len(set(outcome.named[0]) - traced - {OTHER})) if outcome.named else 1
-    weighed = hypotheses.doubted(weighed, traced, min(1.0, max(0.0, removed)) ** (2 * several))
+    weighed = hypotheses.doubted(weighed, traced, min(1.0, max(0.0, removed)) ** (2 * several**2))
     named = tuple(e for e in (outcome.named[0] if outcome.named else ()) if weighed.marginal(e) > NAMED_BESIDE)
     chosen = outcome.chosen if outcome.chosen is not None and set(named) & set(outcome.chosen.support) else None
     return Outcome("unknown", [named] if named else [], chosen), weighed
