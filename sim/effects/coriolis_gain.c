@@ -19,8 +19,8 @@ const struct effect effect_coriolis_gain = {
     .parameter = {
         {"gain", "1", EFFECT_STRENGTH, 0.0, -0.2, 0.2, 2e-3, "geometry of the shell; a calibrated unit is a few 1e-4"},
         {"slope_per_degc", "1/degC", EFFECT_STRENGTH, 0.0, -1e-3, 1e-3, 2e-5, "thermal expansion of electrodes and shell"},
-        {"cubic_s2_rad2", "s^2/rad^2", EFFECT_STRENGTH, 0.0, -0.1, 0.1, 5e-5, "60 ppm at 60 deg/s; bound: a tenth at 57 deg/s"},
-        {"bend_s_rad", "s/rad", EFFECT_FORM, 0.0, -0.2, 0.2, 5e-5, "a law that is no square: as large at 60 deg/s"},
+        {"cubic_s2_rad2", "s^2/rad^2", EFFECT_STRENGTH, 0.0, -0.1, 0.1, 1e-3, "a tenth of a percent at 57 deg/s, before anything is trimmed; bound: a tenth"},
+        {"bend_s_rad", "s/rad", EFFECT_FORM, 0.0, -0.2, 0.2, 1e-3, "a law that is no square: as large at 57 deg/s"},
         EFFECT_CURVE("1", 0.2, 0.001),
     },
     .parameters = apply,

@@ -17,7 +17,8 @@ LEAST_GAIN = 4.0  # nats, their priors included
 
 
 def beside(closer: Closer, best: Closed, counts: dict[str, int]) -> list[Closed]:
-    """The explanation with one more effect each, the most promising first."""
+    """The explanation with one more effect each: the most promising ones, and the one beside which the unit is least off its description, because tolerances that
+    took on a gap are in no channel's way."""
     if len(best.support) >= LARGEST:
         return []
     built, found = closer.system, closer.responses
@@ -34,8 +35,9 @@ def beside(closer: Closer, best: Closed, counts: dict[str, int]) -> list[Closed]
     more = [max((tried(v) for v in variants), key=lambda entry: entry.log_evidence)
             for effect, variants in found.variants.items() if effect not in best.support]
     able = sorted((e for e in more if e.log_evidence > alone.log_evidence + LEAST_GAIN), key=lambda e: -e.log_evidence)
+    ordinary = sorted(able, key=lambda entry: explain.strain(entry, nuisances))[:1]
     closed = []
-    for entry in able[:TRIED]:
+    for entry in {entry.support: entry for entry in [*able[:TRIED], *ordinary]}.values():
         with suppress(NoNumbersError):
             closed.append(closer.beside(best, _alone(entry, nuisances + len(own), nuisances)))
     return closed

@@ -48,9 +48,9 @@ class Left:
 
 
 def held_out(system: System, products: Products, softening: np.ndarray, columns: np.ndarray, left: np.ndarray, noise: Collection[int],
-             limit: float | None = None) -> Left:
+             limit: float | np.ndarray | None = None) -> Left:
     """What a twin leaves, left (channels, n), less what columns (k, channels, n) of the products foretell of it. noise: columns that wander; where nobody looked
-    nobody can tell how, it is a part of the floor. limit: no coefficient may be further from its prior's middle."""
+    nobody can tell how, it is a part of the floor. limit: no coefficient may be further from its prior's middle; or one of each (k,)."""
     places = list(range(len(columns)))
 
     def without(fold: int | None) -> np.ndarray:

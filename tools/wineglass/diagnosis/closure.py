@@ -16,7 +16,7 @@ from wineglass.diagnosis.beginnings import begin
 from wineglass.diagnosis.explain import Explained, Support, explained, posterior_mean, prior_of
 from wineglass.diagnosis.responses import Bench, Responses, Variant
 from wineglass.diagnosis.system import Products, System, grown, products
-from wineglass.diagnosis.unknowns import Unknown, differences, possible, respond, settings_of, within_bounds
+from wineglass.diagnosis.unknowns import POLAR_ROLES, Unknown, differences, possible, respond, settings_of, within_bounds
 from wineglass.effects import Setting
 from wineglass.errors import BadInput
 
@@ -63,10 +63,10 @@ class Closed:
         """Of nuisances and unknowns in the products: all of them."""
         return list(range(self.products.count))
 
-    def weigh(self, softening: np.ndarray, nuisances: int, counts: dict[str, int]) -> Closed:
+    def weigh(self, softening: np.ndarray, nuisances: int, counts: dict[str, int], tolerances: int = 0) -> Closed:
         columns = list(range(nuisances, self.products.count))
         bent = len({u.effect for u in self.unknowns if u.role == "form"})
-        self.entry = explained(self.products, softening, nuisances, columns, self.variants, prior_of(self.variants, counts) + BENT_PRIOR * bent)
+        self.entry = explained(self.products, softening, nuisances, columns, self.variants, prior_of(self.variants, counts) + BENT_PRIOR * bent, tolerances)
         return self
 
 
@@ -181,7 +181,7 @@ class Closer:
         runs, stride, noise = 1, 1.0, 0.5 * float(np.sum(self.system.n_rows))
         while runs < (RUNS if cost < HOPELESS * self._cheapest else FEW_RUNS):
             at = (values - middle) / spread
-            change, promised_cost = self._solution(self._whole(jacobian * spread[:, None, None], response, at))
+            change, promised_cost = self._step(self._whole(jacobian * spread[:, None, None], response, at), unknowns, values)
             promised = cost - promised_cost
             trial = within_bounds(unknowns, values + stride * change * spread)
             if promised < max(ENOUGH, PART * (cost - noise)) or stride < 0.02 or np.all(np.abs(trial - values) < NEGLIGIBLE * spread):
@@ -244,12 +244,24 @@ class Closer:
         inner[-1, -1] += float(about @ about + at @ at)
         return np.block([[self._gram, across], [across.T, inner]])
 
-    def _solution(self, gram: np.ndarray) -> tuple[np.ndarray, float]:
-        """How far off the linear system has its best point, in spreads, and the cost there."""
+    def _step(self, gram: np.ndarray, unknowns: list[Unknown], values: np.ndarray) -> tuple[np.ndarray, float]:
+        """The same as `_solution` where what stands at a bound, and would leave it, stays."""
+        change, cost = self._solution(gram)
+        low, high = (np.array([getattr(u, end) for u in unknowns]) for end in ("low", "high"))
+        free = np.array([u.role not in POLAR_ROLES for u in unknowns])
+        held = free & (((values <= low) & (change < 0.0)) | ((values >= high) & (change > 0.0)))
+        return self._solution(gram, held) if np.any(held) else (change, cost)
+
+    def _solution(self, gram: np.ndarray, held: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+        """How far off the linear system has its best point, in spreads, and the cost there. held (k,): of the unknowns, those that stay."""
         if not np.all(np.isfinite(gram)):
             raise NoNumbersError
-        coefficients, _ = posterior_mean(gram, list(range(len(gram) - 1)))
-        return coefficients[len(self.nuisance):], 0.5 * float(gram[-1, -1] - gram[:-1, -1] @ coefficients)
+        kept, first = np.ones(len(gram) - 1, bool), len(self.nuisance)
+        if held is not None:
+            kept[first:][held] = False
+        places, coefficients = np.flatnonzero(kept), np.zeros(len(gram) - 1)
+        coefficients[places] = posterior_mean(gram, list(places))[0]
+        return coefficients[first:], 0.5 * float(gram[-1, -1] - gram[:-1, -1] @ coefficients)
 
     def _cost(self, response: np.ndarray, at: np.ndarray) -> float:
         """Half the energy left, nuisances at their best, plus the prior's."""

@@ -15,6 +15,7 @@ from wineglass.diagnosis.looks import FREEDOM
 from wineglass.diagnosis.system import FOLDS, Products, products
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.twin_level import TwinAnalysis
+from wineglass.diagnosis.unit import FARTHEST
 
 DECIMALS, NOTHING = 0.05, 0.005  # of a value, of its prior's spread: what a linear system may still correct about a run of the full twin
 TOLERATED = 3.0  # standard deviations: further off than that is no tolerance
@@ -47,7 +48,8 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
         left = recorded - _channels(found, frames)
         columns = there.columns(found.pick)
         polished = _polish(found, columns, left, np.concatenate([there.bench.centre([name for name, _ in there.slopes]), there.off]))
-        after = changes.held_out(found.system, polished, found.softening, columns, left, found.wandering).values
+        limit = np.where(np.arange(polished.count) < polished.count - len(there.unknowns), FARTHEST, np.inf)  # a unit may not take on what is no tolerance
+        after = changes.held_out(found.system, polished, found.softening, columns, left, found.wandering, limit).values
     each, total = changes.changes(found.system, before, after)
     values, covariance = (np.zeros(0), np.zeros((0, 0))) if chosen is None or polished is None else _estimate(found, chosen, polished)
     gained = changes.changes(found.system, found.alone, after)[1]

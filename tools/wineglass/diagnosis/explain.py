@@ -19,8 +19,10 @@ from scipy.optimize import lsq_linear
 
 from wineglass.diagnosis.responses import Responses, Variant
 from wineglass.diagnosis.system import FOLDS, Products
+from wineglass.diagnosis.unit import FARTHEST
 
 FORM = 0.03
+BEYOND = 20.0  # nats per standard deviation that a unit would have to be further off than any unit is
 INCLUSION = 0.02
 GENERIC_PRIOR = 0.003  # that a channel holds a discrepancy of no known kind
 FLOOR_KNOWN = 1.15  # the floor's variance comes from a short run: it is known to a seventh
@@ -49,13 +51,16 @@ def prior_of(variants: Iterable[Variant], counts: dict[str, int]) -> float:
     return sum(float(np.log(INCLUSION / (1.0 - INCLUSION)) - np.log(counts[v.effect])) for v in variants)
 
 
-def explained(products: Products, softening: np.ndarray, nuisances: int, columns: list[int], variants: tuple[Variant, ...], log_prior: float) -> Explained:
-    """columns: places of the effects' columns in the products; the first `nuisances` are the nuisances'."""
+def explained(products: Products, softening: np.ndarray, nuisances: int, columns: list[int], variants: tuple[Variant, ...], log_prior: float, tolerances: int = 0
+              ) -> Explained:
+    """columns: places of the effects' columns in the products; the first `nuisances` are the nuisances', the first `tolerances` of them a unit's."""
     places = [*range(nuisances), *columns]
     block = products.everywhere(places)
     gram = products.with_priors(block, places, softening)
     coefficients, log_determinant = posterior_mean(gram, list(range(len(places))))
     evidence = -0.5 * (float(gram[-1, -1] - gram[:-1, -1] @ coefficients) + log_determinant) + log_prior
+    off = np.abs(products.about[:tolerances] + coefficients[:tolerances])
+    evidence -= BEYOND * float(np.sum(np.maximum(0.0, off - FARTHEST)))
     combination = np.append(-coefficients, 1.0)
     generic = sum(_generic(basis[:, [*places, -1]] @ combination, softening[c]) for c, basis in enumerate(products.generic))
     support = tuple(sorted({v.effect for v in variants}))
@@ -72,8 +77,8 @@ def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, flo
     return cho_solve(factor, gram[places, -1] / size) / size, determinant
 
 
-def within(gram: np.ndarray, places: list[int], middle: np.ndarray, limit: float) -> np.ndarray:
-    """Coefficients of `places` that stay within limit standard deviations of their priors' middles: bounded least squares, priors included."""
+def within(gram: np.ndarray, places: list[int], middle: np.ndarray, limit: float | np.ndarray) -> np.ndarray:
+    """Coefficients of `places` that stay within limit (one, or of each) standard deviations of their priors' middles: bounded least squares, priors included."""
     found, _ = posterior_mean(gram, places)
     part = gram[np.ix_(places, places)]
     size = np.sqrt(np.maximum(np.diagonal(part), 1e-12))
@@ -126,7 +131,7 @@ def rank(products: Products, responses: Responses, softening: np.ndarray, shortl
 
     def entry(variants: tuple[Variant, ...]) -> Explained:
         columns = [c for v in variants for c in v.columns]
-        return explained(products, softening, nuisances, columns, variants, prior_of(variants, counts))
+        return explained(products, softening, nuisances, columns, variants, prior_of(variants, counts), responses.tolerances)
 
     kept: list[Variant] = []
     singles: dict[tuple[Variant, ...], float] = {}
@@ -201,6 +206,11 @@ class _Reduced:
             determinant = 2.0 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1) - np.sum(np.log(precision), axis=1)
             values[members] = 0.5 * (np.sum(projected**2, axis=1) - determinant)
         return values
+
+
+def strain(entry: Explained, nuisances: int) -> float:
+    """How far from its description a unit has to be beside an explanation: half the energy of its priors."""
+    return 0.5 * float(np.sum(entry.coefficients[:nuisances] ** 2))
 
 
 def softening_of(none: Explained, best: Explained) -> np.ndarray:

@@ -9,13 +9,13 @@ from itertools import chain
 
 import numpy as np
 
-from wineglass.diagnosis import changes, looks, responses, standing
+from wineglass.diagnosis import changes, explain, looks, responses, standing
 from wineglass.diagnosis.beside import LARGEST
 from wineglass.diagnosis.changes import Left
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.closure import Closed, NoNumbersError
 from wineglass.diagnosis.explain import Support
-from wineglass.diagnosis.looks import ORDINARY, Look, strain
+from wineglass.diagnosis.looks import ORDINARY, Look
 from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.system import System
@@ -115,7 +115,7 @@ def _from_singles(places: list[Callable[[], tuple[Bench, Frames]]], task: Task) 
 
 def _starts(bench: Bench, frames: Frames, task: Task) -> Iterator[_Start]:
     look = looks.look(bench, frames, task, largest=1, bend=False)
-    ordinary = sorted(look.closed, key=lambda closed: strain(closed.entry, len(look.found.nuisances)))[:ORDINARY]
+    ordinary = sorted(look.closed, key=lambda closed: explain.strain(closed.entry, len(look.found.nuisances)))[:ORDINARY]
     for entry in {closed.support: closed for closed in [*look.closed[:STARTS], *ordinary]}.values():
         start = Standing(bench, entry.unknowns, entry.values, entry.jacobian)
         with suppress(BadInput):  # closed where the twin refused a little more

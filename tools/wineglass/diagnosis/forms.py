@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from wineglass.diagnosis.unknowns import Unknown, differences
 
 LEFT = 0.2  # of the noise's energy in a channel: with less than that beyond it, no form has to bend
 LEAST_GAIN = 10.0  # nats, in units of what is left
+HELD = 1e-3  # of a spread: a number that stays where it is
 MOST_KEPT = 0.4  # of what is left in the channel that gains most from a bent law: a wrong effect's curve removes some of everything
 
 
@@ -27,7 +29,8 @@ def bent(closer: Closer, closed: Closed) -> Closed:
         values = np.concatenate([closed.values, np.zeros(len(forms))])
         followed = None
         with suppress(NoNumbersError):
-            followed = closer.resume(closed.support, closed.variants, [*closed.unknowns, *forms], values, np.concatenate([closed.jacobian, jacobian]))
+            straight = _held(closed, forms)
+            followed = closer.resume(closed.support, closed.variants, [*straight, *forms], values, np.concatenate([closed.jacobian, jacobian]))
         if followed is None or closer.cost_of(followed) > closer.cost_of(closed) - LEAST_GAIN:
             break
         closed = followed
@@ -45,10 +48,25 @@ def pruned(closer: Closer, closed: Closed) -> Closed:
         tried.add(tuple(closed.unknowns[i] for i in least))
         kept = [i for i in range(len(closed.unknowns)) if i not in least]
         with suppress(NoNumbersError):
-            less = closer.resume(closed.support, closed.variants, [closed.unknowns[i] for i in kept], closed.values[kept], closed.jacobian[kept])
+            unknowns = _freed(closed, least)
+            less = closer.resume(closed.support, closed.variants, [unknowns[i] for i in kept], closed.values[kept], closed.jacobian[kept])
             if not _needed(closer, closed, less):
                 closed = less
     return closed
+
+
+def _held(closed: Closed, forms: list[Unknown]) -> list[Unknown]:
+    """The explanation's unknowns, those of a polynomial that gets a curve beside it held where they are: a curve can be any polynomial, and together they have no
+    best values."""
+    bends = {form.effect for form in forms if curves.is_point(form.name)}
+    return [replace(u, middle=float(value), spread=HELD * u.spread) if u.effect in bends and u.role == "strength" else u
+            for u, value in zip(closed.unknowns, closed.values, strict=True)]
+
+
+def _freed(closed: Closed, gone: list[int]) -> list[Unknown]:
+    """The explanation's unknowns, those of a polynomial free again that has lost its curve."""
+    straight = {closed.unknowns[i].effect for i in gone if curves.is_point(closed.unknowns[i].name)}
+    return [replace(u, middle=0.0, spread=u.spread / HELD) if u.effect in straight and u.role == "strength" else u for u in closed.unknowns]
 
 
 def _needed(closer: Closer, whole: Closed, less: Closed) -> bool:

@@ -92,6 +92,18 @@ def perhaps_with_other(found: Hypotheses, share: float) -> Hypotheses:
     return Hypotheses(kept)
 
 
+def perhaps_without_other(found: Hypotheses, share: float) -> Hypotheses:
+    """Every set of effects that has something unknown beside it, to this share without."""
+    kept: dict[Ids, float] = {(NONE,): found.none, (OTHER,): 0.0}
+    for ids, p in found.probability.items():
+        part = share if OTHER in ids and ids != (OTHER,) else 0.0
+        without = tuple(e for e in ids if e != OTHER)
+        kept[ids] = (kept.get(ids, 0.0) if ids != (NONE,) else 0.0) + (1.0 - part) * p
+        if part:
+            kept[without] = kept.get(without, 0.0) + part * p
+    return Hypotheses(kept)
+
+
 def shared_with_other(found: Hypotheses, effects: frozenset[str], share: float) -> Hypotheses:
     """Of every set with all of these effects this share as something unknown in their place."""
     kept: dict[Ids, float] = {(NONE,): found.none, (OTHER,): 0.0}

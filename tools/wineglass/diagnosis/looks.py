@@ -143,13 +143,8 @@ def _worth_closing(ranking: explain.Ranking, nuisances: int) -> list[Explained]:
 
     able = [entry for entry in ranking.entries if over_none(entry) > LEAST_EVIDENCE]
     singles, sets = [entry for entry in able if len(entry.support) == 1], [entry for entry in able if len(entry.support) > 1]
-    ordinary = sorted(singles, key=lambda entry: strain(entry, nuisances))[:ORDINARY]
+    ordinary = sorted(singles, key=lambda entry: explain.strain(entry, nuisances))[:ORDINARY]
     return list({entry.support: entry for entry in [*singles[:CLOSED_SINGLES], *ordinary, *sets[:CLOSED_SETS]]}.values())
-
-
-def strain(entry: Explained, nuisances: int) -> float:
-    """How far from its description a unit has to be beside an explanation: half the energy of its priors."""
-    return 0.5 * float(np.sum(entry.coefficients[:nuisances] ** 2))
 
 
 def _with_parts(closer: Closer, closed: list[Closed]) -> list[Closed]:
@@ -177,15 +172,15 @@ def _weighed(built: System, closed: list[Closed], table: system.Products, found:
     """Evidence of all closures: noise as large as the best one leaves it, forms believed as far as the simplest good one earns it."""
     nuisances = len(found.nuisances)
     ones = np.ones(len(table.generic))
-    none = explain.explained(table, ones, nuisances, [], (), 0.0)
+    none = explain.explained(table, ones, nuisances, [], (), 0.0, found.tolerances)
     for entry in closed:
-        entry.weigh(ones, nuisances, counts)
+        entry.weigh(ones, nuisances, counts, found.tolerances)
     best = min(closed, key=lambda c: float(np.sum(c.entry.left)), default=None)
     noise = np.maximum(1.0, built.noise_left(built.data if best is None else built.data - built.whiten(best.response))) ** 2
     softening = _earned(closed, none) * noise
-    none = explain.explained(table, softening, nuisances, [], (), 0.0)
+    none = explain.explained(table, softening, nuisances, [], (), 0.0, found.tolerances)
     for entry in closed:
-        entry.weigh(softening, nuisances, counts)
+        entry.weigh(softening, nuisances, counts, found.tolerances)
     return sorted(closed, key=lambda c: -(c.entry.log_evidence + c.entry.log_generic)), softening, none
 
 

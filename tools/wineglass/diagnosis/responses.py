@@ -73,6 +73,8 @@ class Responses:
     centre: np.ndarray
     """(nuisances,): where the bench's unit has them, in standard deviations"""
     variants: dict[str, list[Variant]]
+    tolerances: int = 0
+    """how many of the nuisances, the first ones, are a unit's"""
 
 
 class Bench:
@@ -179,7 +181,7 @@ def respond(bench: Bench, without: frozenset[str] = frozenset(), advance: Callab
             variants[effect.id] = found
         advance()
     centre = bench.centre([columns[i].name for i in nuisances])
-    return Responses(bench.names, bench.nominal, tuple(columns), np.array(values), nuisances, centre, variants)
+    return Responses(bench.names, bench.nominal, tuple(columns), np.array(values), nuisances, centre, variants, len(bench.unit.off))
 
 
 # --- nuisances -----------------------------------------------------------------------------------------------------------

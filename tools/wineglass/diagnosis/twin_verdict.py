@@ -96,6 +96,9 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
     if removed is None or (named and before <= SHAKEN and removed < ENOUGH_REMOVED):
         return _by_traces_alone(found, weighed, noise)
     traced = frozenset(noise.named if noise is not None else ())
+    if _all_but_a_trifle(outcome, confirmed, traced):
+        known = outcome.named[0]
+        return Outcome("ambiguous", [known, tuple(sorted({*known, OTHER}))], outcome.chosen), hypotheses.perhaps_without_other(weighed, 1.0 - IMITATED)
     if outcome.verdict == "unknown" or (removed >= _enough(outcome, traced) and not _doubtful(outcome, confirmed, traced)):
         return outcome, weighed
     if _nearly(outcome, confirmed, traced):
@@ -117,6 +120,16 @@ def _held_to_imitation(found: TwinAnalysis, outcome: Outcome, weighed: Hypothese
         return outcome, weighed
     beside = tuple(sorted({*(set(outcome.named[0]) - imitated), OTHER}))
     return replace(outcome, verdict="ambiguous", named=[outcome.named[0], beside]), weighed
+
+
+def _all_but_a_trifle(outcome: Outcome, confirmed: Confirmed, traced: frozenset[str]) -> bool:
+    """Something unknown is seen beside an explanation that leaves hardly anything on held-out data: on all of it a sharper look says so, and that may be the twin's own
+    errors."""
+    if outcome.verdict != "unknown" or outcome.chosen is None or not outcome.named or not outcome.chosen.possible:
+        return False
+    assert confirmed.total.fraction is not None
+    enough = ENOUGH_REMOVED if _single(outcome.chosen, traced) else ENOUGH_OF_SEVERAL
+    return confirmed.total.fraction >= enough and confirmed.total.after <= MUCH_LEFT and _untraced(outcome.chosen, traced) < MANY
 
 
 def _nearly(outcome: Outcome, confirmed: Confirmed, traced: frozenset[str]) -> bool:
