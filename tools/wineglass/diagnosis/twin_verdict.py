@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from wineglass import __version__, effects
-from wineglass.diagnosis import confirmation, hypotheses, menu, plain
+from wineglass.diagnosis import confirmation, hypotheses, menu, plain, reliability
 from wineglass.diagnosis.channels import unit_of
 from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.confirmation import Change, Confirmed
@@ -34,7 +34,7 @@ SURELY = 0.99  # that an effect's numbers are not nothing
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
 ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.965, 0.98  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
 PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
-SHAKEN = 5.0  # floors: what a line, noise or events that are named may leave in means, and nothing else need explain
+SHAKEN = 5.0  # floors, in any channel: what a line, noise or events that are named may leave in means, and nothing else need explain
 PLACES = {"primary_in_phase": ("primary", "level"), "primary_quadrature": ("primary", "quadrature"), "drive_frequency": ("primary", "frequency"),
           "drive_level": ("primary", "level"), "secondary_in_phase": ("coupling", "in_phase"), "secondary_quadrature": ("coupling", "quadrature"),
           "rebalance_in_phase": ("coupling", "in_phase"), "rebalance_quadrature": ("coupling", "quadrature"), "rate": ("coupling", "in_phase"),
@@ -93,7 +93,7 @@ def _held_to_the_gap(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses,
             return Outcome("unknown", [], None), hypotheses.not_none(weighed)
         return outcome, hypotheses.below_the_floor(weighed) if removed is None else weighed
     named = noise is not None and bool(noise.named)
-    if removed is None or (named and before <= SHAKEN and removed < ENOUGH_REMOVED):
+    if removed is None or (named and _worst(confirmed) <= SHAKEN and removed < ENOUGH_REMOVED):
         return _by_traces_alone(found, weighed, noise)
     traced = frozenset(noise.named if noise is not None else ())
     if _all_but_a_trifle(outcome, confirmed, traced):
@@ -120,6 +120,11 @@ def _held_to_imitation(found: TwinAnalysis, outcome: Outcome, weighed: Hypothese
         return outcome, weighed
     beside = tuple(sorted({*(set(outcome.named[0]) - imitated), OTHER}))
     return replace(outcome, verdict="ambiguous", named=[outcome.named[0], beside]), weighed
+
+
+def _worst(confirmed: Confirmed) -> float:
+    """In floors, of the channel with the largest gap."""
+    return max((c.before / max(c.floor, 1e-300) for c in confirmed.changes if c.fraction is not None), default=0.0)
 
 
 def _all_but_a_trifle(outcome: Outcome, confirmed: Confirmed, traced: frozenset[str]) -> bool:
@@ -213,6 +218,7 @@ def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | No
     if outcome.chosen is not None and believed.chosen is None:
         confirmed = confirmation.confirm(found, None)
     outcome = believed
+    weighed = reliability.tempered(weighed, outcome.verdict, outcome.named, [closed.support for closed in found.closed])
     listed = _hypotheses(weighed)
     named = _effects(found, outcome, confirmed, listed, noise)
     diagnosis = Diagnosis(
