@@ -47,6 +47,11 @@ def undisturbed(recorded: Frames, driven: Driven, noise: NoiseEvidence) -> Frame
     return replace(recorded, use=recorded.use & ~shaken, shaken=True)
 
 
+def unseen_bends(named: frozenset[str]) -> frozenset[str]:
+    """Codes show the converters' curve as it is: where they tell one way to bend, slow channels need not ask for the other."""
+    return BENT - named if BENT & named else frozenset()
+
+
 def with_beats(recorded: Frames) -> Frames:
     """Whatever changes from frame to frame is noise of a converter that bends."""
     return replace(recorded, shaken=True)

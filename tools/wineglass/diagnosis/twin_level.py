@@ -86,6 +86,7 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     grid = channels.grid_of(recording)
     recorded = channels.read(recording, grid)
     named = frozenset(noise.named if noise is not None else ()) - without
+    without |= noisy.unseen_bends(named)
     added = None
     if noise is not None and named:
         added = noise.added(named - {noisy.FLICKER}) if named - {noisy.FLICKER} else None
