@@ -7,8 +7,10 @@ static void apply(const double *values, const double *state, const struct effect
     (void)state;
     double t = effect_shift_degc(now);
     double ratio = 1.0 + 1e-6 * (t * (values[0] + t * values[1]) + effect_curve(values + 3, now));
-    p->resonator.stiffness[0] *= ratio * ratio;
-    p->resonator.stiffness[1] *= ratio * ratio;
+    double mean = 0.5 * (p->resonator.stiffness[0] + p->resonator.stiffness[1]) * ratio * ratio;
+    double split = 0.5 * (p->resonator.stiffness[0] - p->resonator.stiffness[1]) * ratio; /* k times the split, which stays */
+    p->resonator.stiffness[0] = mean + split;
+    p->resonator.stiffness[1] = mean - split;
     p->resonator.cross_stiffness *= ratio;
     double losses = 1.0 + (ratio - 1.0) * (1.0 - values[2]);
     p->resonator.damping[0] *= losses;

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -265,3 +266,15 @@ def test_stairs_with_a_dead_band_hold_on_to_their_code():
         expected.append(reference_degc + step * code)
     assert np.ptp(degc) > 15.0 and np.max(np.diff(degc)) > 0.0 > np.min(np.diff(degc))
     assert np.mean(np.abs(shown - expected) < 1e-3) > 0.999  # but for readings that the rounding of telemetry puts on the other side of a border
+
+
+@pytest.mark.parametrize("loop", ["open", "rebalance"])
+def test_another_frequency_over_temperature_is_another_slope_in_the_description(loop):
+    """Split, quadrature and Q stay, so that a tolerance and the effect cannot be told apart: of shells whose described frequency does not move."""
+    plain = case({**fields(loop), "override": {"resonator.frequency_slope_ppm_per_degc": 0.0, "resonator.frequency_curvature_ppm_per_degc2": 0.0,
+                                               "resonator.split_hz": 0.05, "resonator.quadrature_rad_s": 2e-3}})
+    steeper = plain.run.truth.override({"resonator.frequency_slope_ppm_per_degc": 5.0, "resonator.frequency_curvature_ppm_per_degc2": 0.03})
+    nominal, described = envelope(plain), envelope(replace(plain, run=replace(plain.run, truth=steeper)))
+    acting = envelope(replace(plain, effects=(Setting("frequency_temperature", {"slope_ppm_per_degc": 5.0, "curvature_ppm_per_degc2": 0.03}),)))
+    for name in HELD + OWN[loop]:
+        assert rms(acting[name] - described[name]) <= 1e-3 * rms(described[name] - nominal[name]) + 1e-12, name
