@@ -8,7 +8,7 @@ from linear_bench import LinearBench, ridge, system_of
 from scipy.stats import multivariate_normal
 
 from wineglass import effects, paths
-from wineglass.diagnosis import curves, forms
+from wineglass.diagnosis import curves, forms, unknowns
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.closure import Closed, Closer
 from wineglass.diagnosis.explain import Explained
@@ -80,7 +80,7 @@ def test_evidence_of_a_bent_law_is_a_density_and_a_prior() -> None:
     known = [made.known, REACH * made.base]
     curve = [REACH * made.base * curves.weight(SHELL_DEGC, p.name) for p in made.points]
     gained = [entry.weigh(np.ones(2), 1, {ID: 1}).entry.log_evidence for entry in (straight, found)]
-    assert gained[1] - gained[0] == pytest.approx(density(data - straight.values[0] / made.strength.typical * made.base, [known[0], forms.HELD * known[1], *curve]) - density(data, known) + np.log(0.1), abs=0.2)
+    assert gained[1] - gained[0] == pytest.approx(density(data - straight.values[0] / made.strength.typical * made.base, [known[0], unknowns.HELD * known[1], *curve]) - density(data, known) + np.log(0.1), abs=0.2)
 
 
 def density(data: np.ndarray, columns: list[np.ndarray]) -> float:
@@ -99,8 +99,9 @@ def test_a_bend_that_is_no_longer_needed_is_dropped_and_one_that_is_stays() -> N
     closer, straight = made.closed(3.0 * made.base + made.bump() + made.noise)
     bent = forms.bent(closer, straight)
     assert forms.pruned(closer, bent) is bent
+    assert [u.held for u in bent.unknowns] == [True, *[False] * (len(bent.unknowns) - 1)]  # what the curve could be, too, stays where it was
     other, alone = made.closed(3.0 * made.base + made.noise)
     again = other.resume(bent.support, bent.variants, bent.unknowns, bent.values, bent.jacobian)
     found = forms.pruned(other, again)
-    assert [u.role for u in found.unknowns] == ["strength"]
+    assert found.unknowns == [unknowns.freed(bent.unknowns[0])] and not found.unknowns[0].held
     assert found.values == pytest.approx(alone.values, rel=1e-3)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,11 +10,10 @@ from wineglass import effects
 from wineglass.diagnosis import curves, explain, system
 from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
 from wineglass.diagnosis.responses import REACH, Bench
-from wineglass.diagnosis.unknowns import Unknown, differences
+from wineglass.diagnosis.unknowns import Unknown, differences, freed, held
 
 LEFT = 0.2  # of the noise's energy in a channel: with less than that beyond it, no form has to bend
 LEAST_GAIN = 10.0  # nats, in units of what is left
-HELD = 1e-3  # of a spread: a number that stays where it is
 MOST_KEPT = 0.4  # of what is left in the channel that gains most from a bent law: a wrong effect's curve removes some of everything
 
 
@@ -59,14 +57,14 @@ def _held(closed: Closed, forms: list[Unknown]) -> list[Unknown]:
     """The explanation's unknowns, those of a polynomial that gets a curve beside it held where they are: a curve can be any polynomial, and together they have no
     best values."""
     bends = {form.effect for form in forms if curves.is_point(form.name)}
-    return [replace(u, middle=float(value), spread=HELD * u.spread) if u.effect in bends and u.role == "strength" else u
+    return [held(u, float(value)) if u.effect in bends and u.role == "strength" else u
             for u, value in zip(closed.unknowns, closed.values, strict=True)]
 
 
 def _freed(closed: Closed, gone: list[int]) -> list[Unknown]:
     """The explanation's unknowns, those of a polynomial free again that has lost its curve."""
     straight = {closed.unknowns[i].effect for i in gone if curves.is_point(closed.unknowns[i].name)}
-    return [replace(u, middle=0.0, spread=u.spread / HELD) if u.effect in straight and u.role == "strength" else u for u in closed.unknowns]
+    return [freed(u) if u.effect in straight else u for u in closed.unknowns]
 
 
 def _needed(closer: Closer, whole: Closed, less: Closed) -> bool:

@@ -18,7 +18,7 @@ from wineglass.diagnosis.hypotheses import SETTLED, Hypotheses, Ids
 from wineglass.diagnosis.noise_level import NoiseEvidence
 from wineglass.diagnosis.responses import POLAR, STEP_S
 from wineglass.diagnosis.twin_level import ENGINE, TwinAnalysis
-from wineglass.diagnosis.unknowns import AXIS, POLAR_ROLES, folded_deg
+from wineglass.diagnosis.unknowns import AXIS, POLAR_ROLES, folded_deg, freed
 from wineglass.diagnosis.vocabulary import EFFECTS, NONE, OTHER, component_of, stage_of
 
 COMPUTED_BY = "full twin with the effects added, firmware in the loop"
@@ -318,12 +318,13 @@ def _estimate(found: TwinAnalysis, closed: Closed | None, outcome: Outcome, conf
 
 
 def _parameters(closed: Closed, effect: str, values: np.ndarray, covariance: np.ndarray) -> list[Parameter]:
-    """Moments are known to half a step of the envelope twin that gave their slopes."""
+    """Moments are known to half a step of the envelope twin that gave their slopes; what was held beside a curve is not known apart from it."""
     numbers = []
     mine = [i for i, u in enumerate(closed.unknowns) if u.effect == effect]
     units = {p.name: p.unit for p in effects.find(effect).parameters}
     for i in mine:
-        unknown, deviation = closed.unknowns[i], float(np.sqrt(max(covariance[i, i], 0.0)))
+        unknown = closed.unknowns[i]
+        deviation = freed(unknown).spread if unknown.held else float(np.sqrt(max(covariance[i, i], 0.0)))
         if unknown.role not in POLAR_ROLES:
             moment = 0.5 * STEP_S if unknown.role == "shape" and units[unknown.name] == "s" else 0.0
             value = folded_deg(float(values[i])) if unknown.name == AXIS else float(values[i])

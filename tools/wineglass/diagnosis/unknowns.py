@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,11 +15,13 @@ from wineglass.errors import BadInput
 POLAR_ROLES = ("cosine", "sine")
 AXIS = "axis_deg"
 SHAPE_STEP, STRENGTH_STEP = 0.05, 0.005
+HELD = 1e-3  # of a spread: a number that stays where it is
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """One fitted number. role: 'strength', 'shape', 'form', 'cosine' or 'sine' (of double the axis); the prior is normal about `middle`."""
+    """One fitted number. role: 'strength', 'shape', 'form', 'cosine' or 'sine' (of double the axis); the prior is normal about `middle`. held: it stays where it is
+    while a curve beside it takes the rest."""
 
     effect: str
     name: str
@@ -29,6 +31,15 @@ class Unknown:
     spread: float
     low: float
     high: float
+    held: bool = False
+
+
+def held(unknown: Unknown, value: float) -> Unknown:
+    return unknown if unknown.held else replace(unknown, middle=value, spread=HELD * unknown.spread, held=True)
+
+
+def freed(unknown: Unknown) -> Unknown:
+    return replace(unknown, middle=0.0, spread=unknown.spread / HELD, held=False) if unknown.held else unknown
 
 
 def possible(unknowns: list[Unknown], values: np.ndarray) -> bool:
