@@ -153,4 +153,3 @@ def _setting(rng: np.random.Generator) -> Setting:
     if not chosen.low <= size <= chosen.high:
         size = float(np.clip(abs(size), chosen.low, chosen.high))
     return Setting(effect.id, {chosen.name: float(f"{size:.4g}")})
-
