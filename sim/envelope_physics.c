@@ -47,10 +47,12 @@ static void take_phases(const struct envelope *e, const struct path_parameters *
     physics->tone_fs = path->tone_fs;
     physics->tone_rad_s = path->tone_rad_s;
     physics->feedthrough = (struct phasor){0.0, 0.0};
-    if (path->drive_feedthrough != 0.0) {
+    if (path->drive_feedthrough != 0.0 || path->drive_edge_feedthrough != 0.0) {
         double lead_samples = e->firmware.loop_delay_samples - electronics->dac_latency_samples - 1.0;
-        struct phasor leak = phasor_turn(0.25 * ELEMENTARY_TWO_PI + w * sample_s * lead_samples);
-        physics->feedthrough = phasor_scale(leak, path->drive_feedthrough);
+        struct phasor now = phasor_turn(0.25 * ELEMENTARY_TWO_PI + w * sample_s * lead_samples);
+        struct phasor before = phasor_turn(0.25 * ELEMENTARY_TWO_PI + w * sample_s * (lead_samples - 1.0));
+        physics->feedthrough = phasor_add(phasor_scale(now, path->drive_feedthrough + path->drive_edge_feedthrough),
+                                          phasor_scale(before, -path->drive_edge_feedthrough));
     }
 }
 

@@ -11,6 +11,7 @@ struct path_parameters {
     double pickoff_delay_s[2];     /* s; 0; beyond the electronics' own ADC delay */
     double force_delay_s;          /* s; 0; beyond the electronics' own DAC latency */
     double drive_feedthrough;      /* FS/FS; 0; drive DAC output on the secondary pickoff */
+    double drive_edge_feedthrough; /* FS/FS; 0; its last step, as through a capacitance */
     double clock_ratio;            /* 1; true over nominal sample period */
     double tone_fs, tone_rad_s;    /* FS; 0; envelope twin only: electrical tone on the secondary pickoff, alias nearest the carrier */
 };

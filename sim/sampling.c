@@ -9,7 +9,8 @@ void sampling_plan_init(double period_s, const struct sampling_delays *delays, s
     plan->latency_samples = (uint32_t)floor(delays->latency_samples);
     plan->latency_fraction = delays->latency_samples - floor(delays->latency_samples);
     plan->drive_feedthrough = delays->drive_feedthrough;
-    plan->fractions = plan->latency_fraction != 0.0 || plan->drive_feedthrough != 0.0;
+    plan->drive_edge_feedthrough = delays->drive_edge_feedthrough;
+    plan->fractions = plan->latency_fraction != 0.0 || plan->drive_feedthrough != 0.0 || plan->drive_edge_feedthrough != 0.0;
     plan->delays = false;
     for (int channel = 0; channel < 2; channel++) {
         double delay = delays->pickoff_samples[channel];
@@ -70,6 +71,7 @@ void sampling_map_at(const struct sampling_plan *plan, const struct resonator_co
         split_force(plan, coefs, velocity_scale_rad_s, map);
         look_back(plan, coefs, velocity_scale_rad_s, 0, &map->view[0]);
         look_back(plan, coefs, velocity_scale_rad_s, 1, &map->view[1]);
-        map->view[1].late[0] += plan->drive_feedthrough;
+        map->view[1].late[0] += plan->drive_feedthrough + plan->drive_edge_feedthrough;
+        map->view[1].early[0] -= plan->drive_edge_feedthrough;
     }
 }

@@ -15,6 +15,7 @@ struct sampling_delays {
     double latency_samples;     /* from conversion to force, at least 0 */
     double pickoff_samples[2];  /* from displacement to conversion, above -1: a lead sees the present force going on */
     double drive_feedthrough;   /* of the drive force that acts at the conversion, on the secondary pickoff; FS/FS */
+    double drive_edge_feedthrough; /* of what that force is more than the one before; FS/FS */
 };
 
 /* Delays taken apart. */
@@ -24,7 +25,7 @@ struct sampling_plan {
     double latency_fraction;    /* 0 <= fraction < 1 */
     uint32_t delay_samples[2];  /* whole part of the pickoffs' delays */
     double delay_fraction[2];   /* the rest, below 1; negative: a lead */
-    double drive_feedthrough;
+    double drive_feedthrough, drive_edge_feedthrough;
     bool fractions;             /* the displacements need the views: any fraction, or a feedthrough */
     bool delays;                /* any whole sample of delay */
 };

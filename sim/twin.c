@@ -60,6 +60,7 @@ static void set_path(struct twin *twin, const struct path_parameters *path)
         .pickoff_samples = {electronics->adc_delay_samples + path->pickoff_delay_s[0] / period_s,
                             electronics->adc_delay_samples + electronics->adc_secondary_delay_samples + path->pickoff_delay_s[1] / period_s},
         .drive_feedthrough = path->drive_feedthrough,
+        .drive_edge_feedthrough = path->drive_edge_feedthrough,
     };
     sampling_plan_init(period_s, &delays, &twin->sampling_plan);
     adc_set_gain(&twin->adc, path->pickoff_gain);

@@ -278,3 +278,15 @@ def test_another_frequency_over_temperature_is_another_slope_in_the_description(
     acting = envelope(replace(plain, effects=(Setting("frequency_temperature", {"slope_ppm_per_degc": 5.0, "curvature_ppm_per_degc2": 0.03}),)))
     for name in HELD + OWN[loop]:
         assert rms(acting[name] - described[name]) <= 1e-3 * rms(described[name] - nominal[name]) + 1e-12, name
+
+
+@pytest.mark.parametrize("loop", ["open", "rebalance"])
+def test_steps_of_the_drive_leak_through_a_capacitance_in_both_twins(loop):
+    """By itself, and a quarter of a turn from what leaks through a resistance: a step is that of the force's sine over a sample."""
+    fast0, slow0 = nominal(loop, 5000.0)
+    fast, slow = both(case(fields(loop), [Setting("drive_feedthrough", {"edge": 1e-3})]), START_S)
+    kept = calm(len(fast["rate"]))
+    for name in OWN[loop]:
+        true, found, plain = (slow[name] - slow0[name])[kept], (fast[name] - fast0[name])[kept], (fast0[name] - slow0[name])[kept]
+        assert rms(true) > 10.0 * rms(plain)
+        assert rms(found - true) <= 0.01 * rms(true) + 2.0 * rms(plain), name
