@@ -18,7 +18,6 @@ from wineglass.diagnosis.twin_level import TwinAnalysis
 from wineglass.diagnosis.unit import FARTHEST
 
 DECIMALS, NOTHING = 0.05, 0.005  # of a value, of its prior's spread: what a linear system may still correct about a run of the full twin
-TOLERATED = 3.0  # standard deviations: further off than that is no tolerance
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
     """chosen: None leaves the gap as it is."""
     recorded, base = _channels(found, found.recorded), _channels(found, found.base)
     nuisance = found.responses.values[list(found.responses.nuisances)][:, found.pick, :]
-    before = changes.held_out(found.system, found.table, found.softening, nuisance, recorded - base, found.wandering, TOLERATED)
+    before = changes.held_out(found.system, found.table, found.softening, nuisance, recorded - base, found.wandering, FARTHEST)
     after, polished = before.values, None
     if chosen is not None:
         there, frames = _run(found, chosen)

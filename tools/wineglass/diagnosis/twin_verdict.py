@@ -133,8 +133,7 @@ def _all_but_a_trifle(outcome: Outcome, confirmed: Confirmed, traced: frozenset[
     if outcome.verdict != "unknown" or outcome.chosen is None or not outcome.named or not outcome.chosen.possible:
         return False
     assert confirmed.total.fraction is not None
-    enough = ENOUGH_REMOVED if _single(outcome.chosen, traced) else ENOUGH_OF_SEVERAL
-    return confirmed.total.fraction >= enough and confirmed.total.after <= MUCH_LEFT and _untraced(outcome.chosen, traced) < MANY
+    return confirmed.total.fraction >= _enough(outcome, traced) and confirmed.total.after <= MUCH_LEFT and _untraced(outcome.chosen, traced) < MANY
 
 
 def _nearly(outcome: Outcome, confirmed: Confirmed, traced: frozenset[str]) -> bool:
