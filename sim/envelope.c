@@ -157,6 +157,7 @@ static struct effect_context context_at(const struct envelope *e, double tick, d
         .duration_s = duration_s,
         .amplitude_fs = e->motion.amplitude,
         .secondary_fs = e->effects.count > 0 ? phasor_size(e->motion.secondary) : 0.0,
+        .pickoff_noise_fs = {e->plant.electronics.adc_noise_rms_fs[0], e->plant.electronics.adc_noise_rms_fs[1]},
         .reference_degc = e->plant.resonator.reference_degc,
         .velocity_scale_rad_s = e->resonator.velocity_scale_rad_s,
         .sample_rate_hz = e->plant.sample_rate_hz,

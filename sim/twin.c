@@ -44,6 +44,7 @@ struct effect_context twin_context(const struct twin *twin, double blocks)
         .duration_s = block_s,
         .amplitude_fs = twin->effects.count > 0 ? amplitude_of(twin, 0) : 0.0,
         .secondary_fs = twin->effects.count > 0 ? amplitude_of(twin, 1) : 0.0,
+        .pickoff_noise_fs = {twin->cfg.electronics.adc_noise_rms_fs[0], twin->cfg.electronics.adc_noise_rms_fs[1]},
         .reference_degc = twin->cfg.resonator.reference_degc,
         .velocity_scale_rad_s = twin->resonator.velocity_scale_rad_s,
         .sample_rate_hz = twin->cfg.sample_rate_hz,

@@ -54,6 +54,7 @@ struct effect_context {
     double shell_slope_degc_s;
     double amplitude_fs;         /* of the primary, at the beginning of the block or step */
     double secondary_fs;         /* of the secondary, the same */
+    double pickoff_noise_fs[2];  /* rms at both converters, as described */
     double reference_degc;       /* T0 of all polynomials */
     double velocity_scale_rad_s; /* nominal natural frequency k */
     double sample_rate_hz;       /* nominal */

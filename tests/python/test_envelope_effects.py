@@ -33,6 +33,7 @@ JUMPS_S = (22.0, 26.0)  # the drive force goes to its limits: what follows withi
 SETTLED_S = 0.4  # ... is held to a weaker bound
 
 SPECIAL = {
+    "adc_nonlinearity": Setting("adc_nonlinearity", {"cubic": 1e-3, "quintic": 3e-4, "quadratic": 1e-3, "half_step_fs": 2e-4}),  # zero: a test of its own
     "ageing": Setting("ageing", {"linear_rad_s_per_h": 0.01, "logarithmic_rad_s": 1e-4, "time_constant_s": 5.0}),
     "damping_step": Setting("damping_step", {"damping": 0.02, "time_s": 12.0, "creep_s": 2.0}),
     "thermal_hysteresis": Setting("thermal_hysteresis", {"bias_rad_s": 2e-4, "half_width_degc": 3.0}),
@@ -100,6 +101,21 @@ def test_both_twins_show_the_same_effect(effect_id, loop):
         floor = 2.0 * rms(plain[kept])  # of the envelope twin without any effect
         assert rms((found - true)[kept]) <= tolerance * rms(true[kept]) + floor, name
         assert rms(found - true) <= 0.02 * rms(true) + 2.0 * rms(plain), f"{name}, jumps included"
+
+
+@pytest.mark.parametrize("loop", ["open", "rebalance"])
+@pytest.mark.parametrize(("name", "size_fs"), [("sign_step_fs", 2e-4), ("teeth_fs", 1e-5)])
+def test_a_jump_at_zero_is_seen_through_the_converters_noise(name, size_fs, loop):
+    """A secondary held at zero lies within the jump: its gain is the step's density under the noise, which the envelope joins to a large sine's."""
+    noisy = {**fields(loop, OFF_GRID["adc_nonlinearity"])}
+    noisy["override"] = {**noisy["override"], "electronics.adc.snr_db": 80.0}
+    fast, slow = both(case(noisy, [Setting("adc_nonlinearity", {name: size_fs})]), START_S)
+    fast0, slow0 = both(case(noisy), START_S)
+    kept = calm(len(fast["rate"]))
+    for channel in ("drive_level", "rate", "quadrature", *OWN[loop]):
+        true, found = smooth(slow[channel] - slow0[channel])[kept], smooth(fast[channel] - fast0[channel])[kept]
+        plain = smooth(fast0[channel] - slow0[channel])[kept]
+        assert rms(found - true) <= 0.05 * rms(true) + 0.5 * rms(plain), channel
 
 
 def bent(effect_id: str) -> Setting:

@@ -18,7 +18,7 @@ SPREAD = 2.0
 """of a bin's noise over the usual: there the curve jumps"""
 LEFT = 0.1
 """of a curve's power that taking it out may leave"""
-KNEES = np.linspace(0.5, 0.97, 16)
+KNEES = 1.0 - np.geomspace(0.5, 5e-4, 24)
 """of the largest swing: where an amplifier may begin to give way"""
 SIMPLE = 0.9
 """of what bends at all, that a curve must explain to be believed"""

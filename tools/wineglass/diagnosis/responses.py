@@ -28,6 +28,7 @@ NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference", "
 """Effects whose mean over a frame is nothing, or that are over within a few: diagnosis/noise_level.py looks for them."""
 STEP_S = 0.04  # of the envelope twin
 STAIRS, DEAD_BANDS = "thermometer_quantisation", (0.0, 0.25)
+COMPRESSED = 0.05  # of what exceeds the knee
 MOST_LIMITED = 0.1  # of a run's slow ticks, beyond the nominal run's: an effect that holds the forces at their limits for longer is refused
 SLOPE_STEP = 0.02  # standard deviations
 WANDER, WANDER_TERMS = "wander of ", {"losses": 48}
@@ -270,7 +271,9 @@ def _variants(bench: Bench, effect: effects.Effect) -> list[tuple[dict[str, floa
     if effect.id == STAIRS and bench.stairs_degc is not None:
         return [({"dead_band": part}, [("step_degc", Setting(STAIRS, {"step_degc": bench.stairs_degc, "dead_band": part}), 1.0)]) for part in DEAD_BANDS]
     if effect.id in _WHOLE:
-        return [({}, [(name, Setting(effect.id, {name: value}), 1.0)]) for name, value in _WHOLE[effect.id](bench)]
+        return [(shape, [(name, Setting(effect.id, {name: value, **shape}), 1.0)]) for name, value, shape in _WHOLE[effect.id](bench)]
+    if effect.id in _APART:
+        return [({}, [probe for probe in _strengths(effect, {}) if probe[0] in names]) for names in _APART[effect.id]]
     shapes = _SHAPES.get(effect.id, lambda _: [{}])(bench)
     return [(shape, _strengths(effect, shape)) for shape in shapes]
 
@@ -293,24 +296,32 @@ def _curve(bench: Bench, effect: effects.Effect) -> Iterator[tuple[Column, np.nd
             yield Column(effect.id, probe, point.name, REACH), response * curves.weight(bench.measured_degc, point.name)
 
 
-def _lags(bench: Bench) -> list[tuple[str, float]]:
+Whole = tuple[str, float, dict[str, float]]
+
+
+def _lags(bench: Bench) -> list[Whole]:
     span = bench.grid.count * bench.grid.frame_s
-    return [("lag_s", span / part) for part in (10000, 3000, 1000, 300, 100, 30, 10)]
+    return [("lag_s", span / part, {}) for part in (10000, 3000, 1000, 300, 100, 30, 10)]
 
 
-def _clips(bench: Bench) -> list[tuple[str, float]]:
+def _clips(bench: Bench) -> list[Whole]:
+    """Flat on both sides or on one, just below the amplitude; or less steep from well below it on."""
     amplitude = bench.driven.run.device.firmware.amplitude_fs
-    return [("loss_fs", min(0.8, 1.0 - amplitude * (1.0 - part))) for part in (0.003, 0.02, 0.1)]
+    flat = [("loss_fs", min(0.8, 1.0 - amplitude * (1.0 - part)), shape) for part in (0.003, 0.02, 0.1) for shape in ({}, {"negative_part": 0.0})]
+    return [*flat, ("loss_fs", min(0.8, 1.0 - 0.75 * amplitude), {"positive_part": COMPRESSED, "negative_part": COMPRESSED})]
 
 
-def _steps(bench: Bench) -> list[tuple[str, float]]:
+def _steps(bench: Bench) -> list[Whole]:
     lsb = bench.driven.run.device.electronics.thermometer.lsb_degc
-    return [("step_degc", step) for step in (0.125, 0.25, 0.5, 1.0, 2.0) if step > 2.0 * lsb]
+    return [("step_degc", step, {}) for step in (0.125, 0.25, 0.5, 1.0, 2.0) if step > 2.0 * lsb]
 
 
-_WHOLE: dict[str, Callable[[Bench], list[tuple[str, float]]]] = {
+_WHOLE: dict[str, Callable[[Bench], list[Whole]]] = {
     "thermometer_lag": _lags, "adc_saturation": _clips, STAIRS: _steps}
 """Effects that do not grow in proportion to their parameter: whole effects of several sizes, each with a coefficient of about one."""
+
+_APART = {"adc_nonlinearity": (("cubic", "quintic", "quadratic"), ("sign_step_fs",), ("half_step_fs",), ("teeth_fs",))}
+"""Strengths that seldom come together: forms of their own."""
 
 
 def _step_times(bench: Bench) -> list[dict[str, float]]:
