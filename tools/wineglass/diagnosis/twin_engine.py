@@ -11,6 +11,7 @@ from wineglass.diagnosis import channels, hypotheses, noise_level, soundness, tw
 from wineglass.diagnosis.evidence import file_hash
 from wineglass.diagnosis.hypotheses import Hypotheses
 from wineglass.diagnosis.noise_level import NoiseEvidence
+from wineglass.diagnosis.noisy import FLICKER
 from wineglass.diagnosis.twin_level import TwinAnalysis
 from wineglass.diagnosis.twin_verdict import Source, Verdict
 from wineglass.recording import Recording
@@ -49,8 +50,20 @@ def examine(path: Path, device: str | Path | None = None, advance: Callable[[], 
         notes = soundness.check(recording, described)
         noise = noise_level.examine(recording, described).forget(without)
         advance()
-        found = twin_level.analyse(recording, described, without, advance, noise)
-        weighed = hypotheses.weigh(found, noise)
         source = Source(str(path), digest, recording.firmware_version or None, tuple(notes))
-        verdict = twin_verdict.diagnose(found, weighed, noise, source)
-    return Examined(found, noise, weighed, verdict)
+
+        def concluded(evidence: NoiseEvidence) -> Examined:
+            found = twin_level.analyse(recording, described, without, advance if evidence is noise else lambda: None, evidence)
+            weighed = hypotheses.weigh(found, evidence)
+            return Examined(found, evidence, weighed, twin_verdict.diagnose(found, weighed, evidence, source))
+
+        return wandering_or_lawful(noise, concluded)
+
+
+def wandering_or_lawful(noise: NoiseEvidence, concluded: Callable[[NoiseEvidence], Examined]) -> Examined:
+    """A bias that wanders is noise only if nothing foretells it: where it is all that is found, it is asked for a law, too."""
+    found = concluded(noise)
+    if FLICKER not in noise.named or found.verdict.outcome.chosen is not None:
+        return found
+    lawful = concluded(noise.forget(frozenset({FLICKER})))
+    return lawful if lawful.verdict.foretold else found

@@ -23,6 +23,7 @@ from wineglass.diagnosis.vocabulary import EFFECTS, OTHER, stage_of
 
 COMPUTED_BY = "full twin with the effects added, firmware in the loop"
 SURELY = 0.99  # that an effect's numbers are not nothing
+FORETOLD = 0.5  # of the held-out gap: noise foretells none of itself
 Z95 = 1.96
 
 
@@ -43,6 +44,13 @@ class Verdict:
     diagnosis: Diagnosis
     outcome: Outcome
     confirmed: Confirmed
+    removed: float | None
+    """by the explanation that was confirmed, of the held-out gap; whatever became of that explanation"""
+
+    @property
+    def foretold(self) -> bool:
+        """Does an explanation foretell most of the gap?"""
+        return self.removed is not None and self.removed >= FORETOLD
 
 
 def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | None, source: Source) -> Verdict:
@@ -53,9 +61,10 @@ def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | No
         weighed = hypotheses.less(weighed, frozenset(outcome.chosen.support), idle)
         outcome = decisions.decide(found, weighed)
         confirmed = confirmation.confirm(found, outcome.chosen)
+    removed = confirmed.total.fraction
     outcome, weighed = decisions.held_to_the_gap(found, outcome, weighed, confirmed, noise)
     outcome, weighed = decisions.held_to_imitation(found, outcome, weighed, noise)
-    believed, weighed = decisions.beside_unknown(outcome, weighed, confirmed.total.fraction, noise)
+    believed, weighed = decisions.beside_unknown(outcome, weighed, removed, noise)
     if outcome.chosen is not None and believed.chosen is None:
         confirmed = confirmation.confirm(found, None)
     outcome = believed
@@ -68,7 +77,7 @@ def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | No
         shrink=_shrink(found, outcome, confirmed), next_experiment=_next(found, outcome), notes=[*source.notes, *found.driven.notes, *(noise.notes if noise is not None else [])],
         provenance=Provenance(program=f"wineglass {__version__}", engine=ENGINE, recording=source.recording, sha256=source.sha256,
                               device=found.driven.run.device.name, firmware=source.firmware))
-    return Verdict(diagnosis, outcome, confirmed)
+    return Verdict(diagnosis, outcome, confirmed, removed)
 
 
 def _idle(closed: Closed | None, confirmed: Confirmed) -> frozenset[str]:
