@@ -57,6 +57,12 @@ def test_the_page_stays_small_and_fetches_nothing(wide):
     assert len(ids) == len(set(ids))
 
 
+def test_a_recording_that_shows_nothing_says_nothing_of_any_stage(view):
+    """Not even that no share of a gap lies there."""
+    silent = replace(view, channels=[], diagnosis=view.diagnosis.model_copy(update={"verdict": "insufficient", "where": []}))
+    assert re.findall(r"<b>(.*?)</b><span></span></div>", render(silent)) == ["?"] * 9
+
+
 def test_without_figures(view):
     page = render(View(view.diagnosis, "12 samples", frozenset()))
     assert "<svg" not in page and "Provenance" in page and "12 samples" in page

@@ -51,4 +51,4 @@ def _percent(value: float) -> str:
 def _stage(name: str, view: View) -> dict[str, object]:
     share = sum(w.share for w in view.diagnosis.where if w.stage == name)
     components = sorted({w.component for w in view.diagnosis.where if w.stage == name and w.share >= 0.005})
-    return {"name": name, "share": share, "seen": name in view.seen, "shade": f"{min(1.0, 0.85 * share):.2f}", "components": components}
+    return {"name": name, "share": share, "seen": name in view.seen and view.diagnosis.verdict != "insufficient", "shade": f"{min(1.0, 0.85 * share):.2f}", "components": components}
