@@ -14,6 +14,8 @@ from wineglass.diagnosis import noisy, tones
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.noise_added import Added
+from wineglass.diagnosis.noise_events import Event, Events
+from wineglass.diagnosis.noise_level import NoiseEvidence
 from wineglass.recording.memory import MemoryRecording
 
 METAL = device.load("metal-fast")
@@ -148,3 +150,11 @@ def test_channels_that_a_line_leaves_take_their_means_from_it(monkeypatch: pytes
         if name != "rate":
             assert np.array_equal(left.values[i], recorded.values[i])
             assert not left.use[i].any() if name in FED else np.array_equal(left.use[i], recorded.use[i]), name
+
+
+@pytest.mark.parametrize(("events", "masked"), [([Event(20.0, 0.3, 3, False)], True), ([Event(20.0, 0.0, 0, True)], True), ([], False)])
+def test_where_samples_are_lost_a_spike_that_turned_nothing_may_be_a_whole_turn(events: list[Event], masked: bool) -> None:
+    seen = Events(events, 600.0, 5e4, spikes_s=[100.0])
+    evidence = NoiseEvidence({frozenset(): 0.0}, [], [], None, None, None, None, seen, None, None)
+    spans = evidence.disturbed_s(1.0)
+    assert any(begin <= 99.6 and end >= 100.4 for begin, end in spans) == masked

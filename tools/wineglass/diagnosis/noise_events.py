@@ -52,7 +52,7 @@ class Event:
 @dataclass(frozen=True)
 class Events:
     """hidden_s: spans in which an event would not have been seen: a command shook the loops, too. spikes_s: instants at which the frequency was off and turned
-    nothing, as after a wrong sample that the amplitude does not show"""
+    nothing, as after a wrong sample that the amplitude does not show, or after as many lost ones as make whole turns"""
 
     found: list[Event]
     examined_s: float

@@ -95,8 +95,8 @@ class NoiseEvidence:
             return []
         found = [(event.time_s - 0.1, event.time_s + (STALE_S if event.stale else DECAYS / decay_per_s)) for event in self.events.found]
         jumps = any(not event.stale for event in self.events.found)
-        if any(event.stale for event in self.events.found):
-            found += [(time_s - 0.1, time_s + STALE_S) for time_s in self.events.spikes_s]
+        if self.events.found:  # where samples are lost or wrong, others may be whose phase comes back: a whole turn's, or one that the amplitude does not show
+            found += [(time_s - STALE_S, time_s + STALE_S) for time_s in self.events.spikes_s]
         return found + [(begin, end + (DECAYS / decay_per_s if jumps else STALE_S)) for begin, end in self.events.hidden_s]
 
     def forget(self, without: frozenset[str]) -> NoiseEvidence:
