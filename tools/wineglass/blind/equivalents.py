@@ -16,7 +16,7 @@ from wineglass.device import Device
 
 DEG = math.pi / 180.0
 DEG_H = DEG / 3600.0
-PLAY_DEGC, ROCKING_HZ, LOGARITHM, CREEP = 8.0, 7.3, 50.0, 0.15  # numbers of the generator's forms
+PLAY_DEGC, ROCKING_HZ, LOGARITHM, CREEP, KNEE_FS = 8.0, 7.3, 50.0, 0.15, 0.7  # numbers of the generator's forms
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,10 @@ def _is(parameter: str, value: Callable[[Day], float]) -> Same:
     return Same(parameter, lambda strength, day: value(day))
 
 
+def _clipped() -> Same:
+    return Same("loss_fs", lambda strength, day: 1.0 - day.described.firmware.amplitude_fs * (1.0 - strength))
+
+
 SAME: dict[tuple[str, str], tuple[Same, ...]] = {
     ("frequency_temperature", "slope"): (_times("slope_ppm_per_degc"),),
     ("frequency_temperature", "curvature"): (_times("curvature_ppm_per_degc2"),),
@@ -99,8 +103,14 @@ SAME: dict[tuple[str, str], tuple[Same, ...]] = {
     ("pickoff_phase", "slope"): (Same("slope_s_per_degc", lambda strength, day: strength * day.late_s),),
     ("drive_feedthrough", "resistive"): (_times("leak", 1e-6),),
     ("drive_feedthrough", "thermal"): (_times("slope_per_degc", 1e-6),),
+    ("drive_feedthrough", "capacitive"): (_times("edge", 1e-6),),
     ("adc_nonlinearity", "cubic"): (_times("cubic"),),
-    ("adc_saturation", "hard"): (Same("loss_fs", lambda strength, day: 1.0 - day.described.firmware.amplitude_fs * (1.0 - strength)),),
+    ("adc_nonlinearity", "step"): (_times("half_step_fs"),),
+    ("adc_nonlinearity", "zero_step"): (_times("sign_step_fs"),),
+    ("adc_nonlinearity", "sawtooth"): (_times("teeth_fs"),),
+    ("adc_saturation", "hard"): (_clipped(),),
+    ("adc_saturation", "one_sided"): (_clipped(),),
+    ("adc_saturation", "soft"): (_is("loss_fs", lambda day: 1.0 - KNEE_FS),),
     ("excess_noise", "white"): (Same("secondary_fs", lambda strength, day: strength * day.noise_fs),),
     ("excess_noise", "both"): (Same("primary_fs", lambda strength, day: strength * day.noise_fs), Same("secondary_fs", lambda strength, day: strength * day.noise_fs)),
     ("flicker_noise", "flicker"): (_times("bias_rad_s", DEG_H),),
@@ -110,6 +120,7 @@ SAME: dict[tuple[str, str], tuple[Same, ...]] = {
     ("thermometer_error", "offset"): (_times("offset_degc"),),
     ("thermometer_error", "gain"): (_times("gain"),),
     ("thermometer_quantisation", "steps"): (_times("step_degc"),),
+    ("thermometer_quantisation", "sticking_steps"): (_times("step_degc"),),
     ("vibration", "rocking"): (_times("rate_rad_s", DEG, either_sign=True), _is("frequency_hz", lambda day: ROCKING_HZ)),
     ("interference", "near_carrier"): (_times("amplitude_fs", 1e-6),),
     ("rate_reference", "scale"): (Same("scale", lambda strength, day: 1.0 / (1.0 + strength) - 1.0),),
@@ -127,9 +138,7 @@ WITHOUT: dict[tuple[str, str], str] = {
                      ("coriolis_gain", "saturating"), ("thermal_gradient", "mount"), ("thermal_gradient", "distributed"),
                      ("thermal_hysteresis", "prandtl_ishlinskii"), ("thermal_hysteresis", "preisach"), ("ageing", "exponential"),
                      ("drive_misalignment", "curved"), ("actuator_gain", "sigmoid"), ("drive_phase", "amplifier_pole"), ("pickoff_gain", "curvature"),
-                     ("pickoff_phase", "pole"), ("drive_feedthrough", "capacitive"), ("adc_nonlinearity", "sawtooth"), ("adc_nonlinearity", "step"),
-                     ("adc_nonlinearity", "zero_step"), ("adc_saturation", "one_sided"), ("adc_saturation", "soft"), ("thermometer_lag", "two_poles"),
-                     ("thermometer_lag", "diffusion"), ("thermometer_error", "curvature"), ("thermometer_quantisation", "sticking_steps")), _CURVE),
+                     ("pickoff_phase", "pole"), ("thermometer_lag", "two_poles"), ("thermometer_lag", "diffusion"), ("thermometer_error", "curvature")), _CURVE),
     **dict.fromkeys((("damping_temperature", "slope"), ("damping_temperature", "curvature")), "1/Q follows the polynomial here, Q in the catalogue"),
     ("damping_mismatch", "thermal"): "of mode 2 alone: the mean damping follows, too, which the catalogue's does not",
     **dict.fromkeys((("excess_noise", "thermal"), ("excess_noise", "lost_bits"), ("flicker_noise", "wander"), ("clock_jitter", "bandlimited"),
