@@ -17,6 +17,9 @@ DRAWS = 400
 PIECES = 15
 SEED = 22
 FLOOR_KNOWN = 1.1  # the floor's variance comes from a short run of the description, and a unit is fitted as well as slopes allow
+BRIEF = 0.1  # of all frames: a channel that speaks in fewer
+APART = 40  # frames: what is further from the last one is another stretch
+MEDIAN = 0.6745  # of the sizes of normal numbers
 TRUSTED = 0.3  # frames with less weight than that are left out of the rms: there the twin is not believed
 
 
@@ -41,7 +44,7 @@ def counted(system: System) -> np.ndarray:
 class Left:
     """What a twin leaves of a recording on held-out data: values (channels, n), everything uncertain fitted on the other folds. least (channels,): rms that the
     unit leaves as it stands, or fitted on all folds, whichever is less: what goes so was no gap, though a stretch that alone shows a slope cannot be foretold
-    from the others."""
+    from the others. Of a channel that speaks briefly, between two loops, no more than most of its frames have: a few in a row are a transient."""
 
     values: np.ndarray
     least: np.ndarray
@@ -64,13 +67,13 @@ def held_out(system: System, products: Products, softening: np.ndarray, columns:
     for fold in range(FOLDS):
         values[:, system.fold == fold] = without(fold)
     use, fitted = counted(system), without(None)
-    return Left(values, np.array([min(_rms(left[i][use[i]]), _rms(fitted[i][use[i]])) for i in range(len(left))]))
+    return Left(values, np.array([min(_lasting(one[i], use[i]) for one in (left, fitted)) for i in range(len(left))]))
 
 
 def changes(system: System, before: Left, after: np.ndarray) -> tuple[list[Change], Change]:
     """Of every channel, and of all that have a gap, each in units of its floor. after (channels, n): recorded minus twin."""
     use = counted(system)
-    found = [_change(system, i, before.values[i][use[i]], after[i][use[i]], float(before.least[i])) for i in range(len(system.names))]
+    found = [_change(system, i, before.values[i], after[i], use[i], float(before.least[i])) for i in range(len(system.names))]
     return found, _total(system, found, before.values, after, use)
 
 
@@ -83,12 +86,35 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
-def _change(system: System, channel: int, before: np.ndarray, after: np.ndarray, least: float) -> Change:
-    floor = _floor_of(system, channel)
-    fraction, interval = _fraction([before], [after], [floor], system.floor.independent(channel) * len(before))
-    if least**2 <= FLOOR_KNOWN * floor**2:
+def _is_brief(use: np.ndarray) -> bool:
+    return bool(0 < np.count_nonzero(use) < BRIEF * len(use))
+
+
+def _lasting(values: np.ndarray, use: np.ndarray) -> float:
+    """rms of the frames in use (n,); where they are few, not more than their median tells."""
+    kept = values[use]
+    return min(_rms(kept), float(np.median(np.abs(kept))) / MEDIAN) if _is_brief(use) else _rms(kept)
+
+
+def _worth(system: System, channel: int, use: np.ndarray) -> float:
+    """Independent frames; of a channel that speaks briefly as many as it has stretches: what is slow is alike within each."""
+    at = np.flatnonzero(use)
+    if _is_brief(use):
+        return 1.0 + np.count_nonzero(np.diff(at) > APART)
+    return system.floor.independent(channel) * len(at)
+
+
+def _limit(worth: float) -> float:
+    """Of a mean square, in floors: what noise alone leaves at most."""
+    return FLOOR_KNOWN + 3.0 * float(np.sqrt(2.0 / max(worth, 1.0)))
+
+
+def _change(system: System, channel: int, before: np.ndarray, after: np.ndarray, use: np.ndarray, least: float) -> Change:
+    floor, worth = _floor_of(system, channel), _worth(system, channel, use)
+    fraction, interval = _fraction([before[use]], [after[use]], [floor], worth)
+    if least**2 <= (_limit(worth) if _is_brief(use) else FLOOR_KNOWN) * floor**2:
         fraction, interval = None, None
-    return Change(system.names[channel], _rms(before), _rms(after), floor, fraction, interval)
+    return Change(system.names[channel], _rms(before[use]), _rms(after[use]), floor, fraction, interval)
 
 
 def _total(system: System, found: list[Change], before: np.ndarray, after: np.ndarray, use: np.ndarray) -> Change:
@@ -96,7 +122,7 @@ def _total(system: System, found: list[Change], before: np.ndarray, after: np.nd
     if not gaps:
         return Change("all", 0.0, 0.0, 1.0, None, None)
     scaled = [[values[i][use[i]] / found[i].floor for i in gaps] for values in (before, after)]
-    worth = sum(system.floor.independent(i) * float(np.count_nonzero(use[i])) for i in gaps)
+    worth = sum(_worth(system, i, use[i]) for i in gaps)
     fraction, interval = _fraction(scaled[0], scaled[1], [1.0] * len(gaps), worth)
     return Change("all", _rms(np.concatenate(scaled[0])), _rms(np.concatenate(scaled[1])), 1.0, fraction, interval)
 
@@ -110,7 +136,7 @@ def _fraction(before: list[np.ndarray], after: list[np.ndarray], floors: list[fl
     squares = np.array([[sum(float(np.sum(np.array_split(v, PIECES)[p] ** 2)) for v in values) for p in range(PIECES)] for values in (before, after)])
     sizes = np.array([sum(len(np.array_split(v, PIECES)[p]) for v in before) for p in range(PIECES)])
     mean = squares.sum(axis=1) / count
-    if mean[0] <= floor_squared * (FLOOR_KNOWN + 3.0 * np.sqrt(2.0 / max(worth, 1.0))):
+    if mean[0] <= floor_squared * _limit(worth):
         return None, None
     drawn = np.random.default_rng(SEED).integers(0, PIECES, (DRAWS, PIECES))
     again = squares[:, drawn].sum(axis=2) / sizes[drawn].sum(axis=1)
