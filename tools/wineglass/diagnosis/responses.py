@@ -361,4 +361,10 @@ def _plays(bench: Bench) -> list[dict[str, float]]:
     return [{"half_width_degc": min(50.0, max(0.1, 0.5 * span * part))} for part in (0.03, 0.1, 0.25, 0.5, 0.8)] if span > 1.0 else [{}]
 
 
-_SHAPES: dict[str, Callable[[Bench], list[dict[str, float]]]] = {"damping_step": _step_times, "ageing": _ages, "thermal_hysteresis": _plays}
+def _losses(bench: Bench) -> list[dict[str, float]]:
+    """Q stays while the frequency changes, or the damping does: a second effect would stand for the difference."""
+    return [{}, {"losses_stay": 1.0}]
+
+
+_SHAPES: dict[str, Callable[[Bench], list[dict[str, float]]]] = {"damping_step": _step_times, "ageing": _ages, "thermal_hysteresis": _plays,
+                                                                   "frequency_temperature": _losses}
