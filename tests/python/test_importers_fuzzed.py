@@ -82,6 +82,19 @@ def test_calibration_block(data):
         taken_or_refused(lambda: calibration_block.to_binary(calibration))
 
 
+def test_calibration_block_with_one_word_changed():
+    """Every word, at the ends of its range, under a right check sum."""
+    whole = calibration_block.to_binary(calibration_block.read_json(ROOT / "tests/golden/calibration_block.json"))
+    for place in range(8, len(whole) - 4, 4):
+        for word in (0, 1, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF):
+            block = bytearray(whole)
+            struct.pack_into("<I", block, place, word)
+            struct.pack_into("<I", block, len(block) - 4, zlib.crc32(bytes(block[:-4])))
+            calibration = taken_or_refused(lambda: calibration_block.from_binary(bytes(block)))
+            if calibration is not None:
+                taken_or_refused(lambda: calibration_block.to_binary(calibration))
+
+
 @fuzzed
 @given(mutations(DEVICE))
 def test_device_description(tmp_path, text):

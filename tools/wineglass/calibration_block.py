@@ -410,6 +410,9 @@ def from_binary(block: bytes, source: str = "calibration block") -> Calibration:
         raise BadInput(f"a polynomial's order is beyond {MAX_ORDER}", source, "give a block of this version")
     if any(n[name] > _RANGES[name][1] for name in ("chirp_ticks_log2", "listen_ticks_log2")):
         raise BadInput("chirp or listening is longer than the firmware can count", source, "give a block that the firmware takes")
+    for name in ("sample_rate_millihz", "decimation", "amplitude_q30"):
+        if n[name] == 0:
+            raise BadInput(f"{name} is 0", source, "give a block that the firmware takes")
     return make({**_general_si(n), **_temperature_si(n), **_polynomials_si(n), **_tuning_si(n), **_acquisition_si(n),
                  **_loops_si(n), **_monitors_si(n)}, source)
 
