@@ -206,6 +206,39 @@ void effect_set_pickoff(const struct effect_set *set, const struct effect_contex
     }
 }
 
+/* ---- laws that several effects share ----------------------------------------------------------------------------------- */
+
+double effect_one_pole(double element, double from, double to, double duration_s, double lag_s)
+{
+    if (lag_s <= 0.0) {
+        return to;
+    }
+    double slope = duration_s > 0.0 ? (to - from) / duration_s : 0.0;
+    double behind = slope * lag_s;
+    return to - behind + (element - from + behind) * exp(-duration_s / lag_s);
+}
+
+double effect_part_within(const struct effect_context *now, double begin_s, double lasts_s)
+{
+    double from = now->time_s - 0.5 * now->duration_s, to = from + now->duration_s;
+    double inside_s = fmin(to, begin_s + lasts_s) - fmax(from, begin_s);
+    if (now->duration_s <= 0.0) {
+        return now->time_s >= begin_s && now->time_s < begin_s + lasts_s ? 1.0 : 0.0;
+    }
+    return inside_s > 0.0 ? inside_s / now->duration_s : 0.0;
+}
+
+double effect_curve(const double *knots, const struct effect_context *now)
+{
+    double place = (now->shell_degc + 50.0) / 10.0;
+    place = place < 0.0 ? 0.0 : place > EFFECT_KNOTS - 1 ? EFFECT_KNOTS - 1 : place;
+    int here = place < EFFECT_KNOTS - 2 ? (int)place : EFFECT_KNOTS - 2;
+    double x = place - here, y = 1.0 - x;
+    double before = knots[here > 0 ? here - 1 : 0], after = knots[here < EFFECT_KNOTS - 2 ? here + 2 : EFFECT_KNOTS - 1];
+    double near = knots[here] * (4.0 - x * x * (6.0 - 3.0 * x)) + knots[here + 1] * (4.0 - y * y * (6.0 - 3.0 * y));
+    return (before * y * y * y + near + after * x * x * x) / 6.0;
+}
+
 /* ---- noise ------------------------------------------------------------------------------------------------------------- */
 
 static uint64_t mix(uint64_t z)
@@ -221,27 +254,6 @@ static double uniform(uint64_t bits)
 }
 
 /* Box and Muller, from two hashes of (seed, stream, place). */
-double effect_one_pole(double element, double from, double to, double duration_s, double lag_s)
-{
-    if (lag_s <= 0.0) {
-        return to;
-    }
-    double slope = duration_s > 0.0 ? (to - from) / duration_s : 0.0;
-    double behind = slope * lag_s;
-    return to - behind + (element - from + behind) * exp(-duration_s / lag_s);
-}
-
-double effect_curve(const double *knots, const struct effect_context *now)
-{
-    double place = (now->shell_degc + 50.0) / 10.0;
-    place = place < 0.0 ? 0.0 : place > EFFECT_KNOTS - 1 ? EFFECT_KNOTS - 1 : place;
-    int here = place < EFFECT_KNOTS - 2 ? (int)place : EFFECT_KNOTS - 2;
-    double x = place - here, y = 1.0 - x;
-    double before = knots[here > 0 ? here - 1 : 0], after = knots[here < EFFECT_KNOTS - 2 ? here + 2 : EFFECT_KNOTS - 1];
-    double near = knots[here] * (4.0 - x * x * (6.0 - 3.0 * x)) + knots[here + 1] * (4.0 - y * y * (6.0 - 3.0 * y));
-    return (before * y * y * y + near + after * x * x * x) / 6.0;
-}
-
 double effect_noise(uint64_t seed, uint32_t stream, uint64_t place)
 {
     const uint64_t golden = UINT64_C(0x9E3779B97F4A7C15);

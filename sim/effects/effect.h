@@ -118,6 +118,9 @@ static inline double effect_hours(const struct effect_context *now)
 /* Where one pole stands that was at `element`, `duration_s` after its input left `from` for `to` in a straight line. */
 double effect_one_pole(double element, double from, double to, double duration_s, double lag_s);
 
+/* Part of the block or step that lies between begin_s and begin_s + lasts_s: 0 to 1. */
+double effect_part_within(const struct effect_context *now, double begin_s, double lasts_s);
+
 /* A bias, as the rate that it looks like: cross damping, both ways. */
 static inline void effect_add_bias(struct plant_parameters *p, double rate_rad_s)
 {

@@ -31,7 +31,8 @@ class LinearUnit:
 
 @dataclass
 class LinearBench:
-    """columns: (effect, parameter) -> (channels, n) for a strength of one; `time_s` cuts its effect off before that moment. known: what one
+    """columns: (effect, parameter) -> (channels, n) for a strength of one; `time_s` cuts its effect off before that moment, and a stretch
+    that lasts for some time before and after it. known: what one
     standard deviation of everything uncertain does."""
 
     grid: Grid
@@ -60,9 +61,18 @@ class LinearBench:
         self.runs += 1
         found = self.nominal
         for setting in settings:
-            since = self.grid.time_s - 0.5 * self.grid.frame_s >= setting.values.get("time_s", -np.inf) - 1e-9
-            found = found + since * sum(value * self.columns[setting.id, name] for name, value in setting.values.items() if (setting.id, name) in self.columns)
+            found = found + self._on(setting.values) * sum(value * self.columns[setting.id, name] for name, value in setting.values.items() if (setting.id, name) in self.columns)
         return found
+
+    def _on(self, values: dict[str, float]) -> np.ndarray:
+        """(n,): part of each frame in which the effect acts."""
+        begin_s = self.grid.time_s - 0.5 * self.grid.frame_s
+        stretches = [(values[f"begin_{i}_s"], values[f"lasts_{i}_s"]) for i in range(1, 5) if values.get(f"lasts_{i}_s")]
+        stretches += [(values["time_s"], values["lasts_s"])] if values.get("lasts_s") else []
+        if not stretches:
+            return begin_s >= values.get("time_s", -np.inf) - 1e-9
+        inside = [np.minimum(begin_s + self.grid.frame_s, begin + lasts) - np.maximum(begin_s, begin) for begin, lasts in stretches]
+        return np.sum(np.clip(inside, 0.0, None), axis=0) / self.grid.frame_s
 
     def tried(self, settings: Sequence[Setting]) -> np.ndarray:
         return self.run(settings) - self.nominal

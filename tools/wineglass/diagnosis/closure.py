@@ -156,9 +156,17 @@ class Closer:
     def beside(self, closed: Closed, start: Explained) -> Closed:
         """An explanation with the effects of another one beside its own, which begin where a linear system has them."""
         unknowns, jacobian = begin(self.bench, self.responses, self.pick, start)
+        return self.grown(closed, start.variants, unknowns, jacobian)
+
+    def grown(self, closed: Closed, variants: tuple[Variant, ...], unknowns: list[Unknown], jacobian: np.ndarray) -> Closed:
+        """An explanation with these variants beside its own, from where these unknowns start; jacobian (m, channels, n): of them, about."""
         values = np.concatenate([closed.values, [u.start for u in unknowns]])
-        support = tuple(sorted({*closed.support, *start.support}))
-        return self._search(support, closed.variants + start.variants, closed.unknowns + unknowns, values, np.concatenate([closed.jacobian, jacobian]))
+        support = tuple(sorted({*closed.support, *(v.effect for v in variants)}))
+        return self._search(support, closed.variants + variants, closed.unknowns + unknowns, values, np.concatenate([closed.jacobian, jacobian]))
+
+    def nothing(self) -> Closed:
+        """No effect at all."""
+        return self._search((), (), [], np.zeros(0), np.zeros((0, *self.system.data.shape)), fresh=True)
 
     def without(self, closed: Closed, effect: str) -> Closed:
         """The same explanation without one of its effects, closed again from where it was."""
@@ -248,7 +256,7 @@ class Closer:
         """The same as `_solution` where what stands at a bound, and would leave it, stays."""
         change, cost = self._solution(gram)
         low, high = (np.array([getattr(u, end) for u in unknowns]) for end in ("low", "high"))
-        free = np.array([u.role not in POLAR_ROLES for u in unknowns])
+        free = np.array([u.role not in POLAR_ROLES for u in unknowns], bool)
         held = free & (((values <= low) & (change < 0.0)) | ((values >= high) & (change > 0.0)))
         return self._solution(gram, held) if np.any(held) else (change, cost)
 

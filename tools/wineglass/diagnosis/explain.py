@@ -218,8 +218,8 @@ def softening_of(none: Explained, best: Explained) -> np.ndarray:
     return 1.0 + FORM**2 * np.maximum(0.0, none.left - best.left)
 
 
-def held_out(products: Products, softening: np.ndarray, places: list[int], limit: float | None = None) -> np.ndarray:
-    """(folds, channels): energy left in each fold when `places` are fitted on the others. limit: none may be further from its prior's middle."""
+def held_out(products: Products, softening: np.ndarray, places: list[int], limit: float | np.ndarray | None = None) -> np.ndarray:
+    """(folds, channels): energy left in each fold when `places` are fitted on the others. limit (one, or of each): none may be further from its prior's middle."""
     left = np.empty(products.gram.shape[:2])
     for fold in range(FOLDS):
         gram = products.pooled(softening, [f for f in range(FOLDS) if f != fold])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wineglass import effects
-from wineglass.diagnosis import explain, forms, responses, system
+from wineglass.diagnosis import explain, forms, responses, stretches, system
 from wineglass.diagnosis.beside import LARGEST, beside
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
@@ -93,15 +93,27 @@ def _closed(closer: Closer, counts: dict[str, int], known: tuple[Closed, Standin
         if entry.support not in closed and len(entry.support) <= largest:
             with suppress(NoNumbersError):
                 closed[entry.support] = closer.close(entry)
-    order = sorted(closed.values(), key=closer.cost_of)
     own = [closed[known[0].support]] if known is not None else []
-    able = [*order[:MOST_BENT], *[entry for entry in order if len(entry.support) == 1][:MOST_BENT]] if order and forms.leaves(closer, order[0]) else []
+    able = _leaving(closer, closed)
+    if able or not closed:
+        some = [closer.nothing(), *(entry for entry in [*own, *able] if len(entry.support) < largest)] if largest else []
+        for start in {entry.support: entry for entry in some}.values():
+            closed |= _cheapest(closer, closed, {entry.support: entry for entry in stretches.beside(closer, start)})
+        able = _leaving(closer, closed)
     for straight in {entry.support: entry for entry in [*own, *able]}.values() if bend else []:
         bent = forms.bent(closer, straight)
         if bent is not straight:
             alone = settled or known is None or bent.support != known[0].support
             closed |= _cheapest(closer, closed, _with_one_more(closer, bent, counts, alone))
     return list(closed.values())
+
+
+def _leaving(closer: Closer, closed: dict[Support, Closed]) -> list[Closed]:
+    """The best explanations, and the best single effects, where all leave more than noise."""
+    order = sorted(closed.values(), key=closer.cost_of)
+    if not order or not forms.leaves(closer, order[0]):
+        return []
+    return [*order[:MOST_BENT], *[entry for entry in order if len(entry.support) == 1][:MOST_BENT]]
 
 
 def _cheapest(closer: Closer, so_far: dict[Support, Closed], more: dict[Support, Closed]) -> dict[Support, Closed]:

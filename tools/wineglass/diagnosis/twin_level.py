@@ -113,7 +113,8 @@ def _hold_out(closed: list[Closed], held_none: np.ndarray, softening: np.ndarray
     """An effect earns its place when held-out data are predicted better with it than without, where the latter was followed too."""
     energy: dict[frozenset[str], float] = {frozenset(): float(np.sum(held_none / softening))}
     for entry in closed:
-        entry.held = explain.held_out(entry.products, softening, entry.places)
+        limit = np.where(np.arange(entry.products.count) < entry.products.count - len(entry.unknowns), FARTHEST, np.inf)  # a unit may not take on what is no tolerance
+        entry.held = explain.held_out(entry.products, softening, entry.places, limit)
         energy[frozenset(entry.support)] = float(np.sum(entry.held / softening))
     for entry in closed:
         whole = frozenset(entry.support)
