@@ -21,6 +21,7 @@ from wineglass.diagnosis.task import Task
 CLOSED_SINGLES, CLOSED_SETS = 4, 3
 ORDINARY = 3  # single effects beside which the unit is least off its description
 MOST_BENT = 2  # single effects, and explanations of any size, the best first, whose forms may bend
+MOST_STARTS = 2  # explanations beside which something may come and go
 PARTED = 1  # sets of each size that are also tried without each of their effects
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
@@ -95,17 +96,21 @@ def _closed(closer: Closer, counts: dict[str, int], known: tuple[Closed, Standin
                 closed[entry.support] = closer.close(entry)
     own = [closed[known[0].support]] if known is not None else []
     able = _leaving(closer, closed)
-    if able or not closed:
-        some = [closer.nothing(), *(entry for entry in [*own, *able] if len(entry.support) < largest)] if largest else []
-        for start in {entry.support: entry for entry in some}.values():
-            closed |= _cheapest(closer, closed, {entry.support: entry for entry in stretches.beside(closer, start)})
-        able = _leaving(closer, closed)
+    for start in _starts(closer, [*own, *able], largest, known is None) if largest and (able or not closed) else []:
+        closed |= _cheapest(closer, closed, {entry.support: entry for entry in stretches.beside(closer, start)})
+    able = _leaving(closer, closed)
     for straight in {entry.support: entry for entry in [*own, *able]}.values() if bend else []:
         bent = forms.bent(closer, straight)
         if bent is not straight:
             alone = settled or known is None or bent.support != known[0].support
             closed |= _cheapest(closer, closed, _with_one_more(closer, bent, counts, alone))
     return list(closed.values())
+
+
+def _starts(closer: Closer, able: list[Closed], largest: int, fresh: bool) -> list[Closed]:
+    """Explanations beside which something may come and go: none, if nothing was followed yet, and the best few."""
+    few = list({entry.support: entry for entry in able if len(entry.support) < largest}.values())[:MOST_STARTS]
+    return [closer.nothing(), *few] if fresh else few
 
 
 def _leaving(closer: Closer, closed: dict[Support, Closed]) -> list[Closed]:

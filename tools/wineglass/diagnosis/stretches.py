@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from wineglass import effects
-from wineglass.diagnosis import system
+from wineglass.diagnosis import explain, system
 from wineglass.diagnosis.beside import LARGEST
 from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
 from wineglass.diagnosis.responses import REACH, Variant
@@ -24,6 +24,8 @@ from wineglass.effects import Setting
 CELLS = 60  # of the whole recording, to begin with: what is shorter, or nearer to each other, may be missed
 FINER, ABOUT = 6, 1.5  # parts of a cell beside the end of a stretch; cells on either side of it that are cut
 LEAST_GAIN = 12.0  # nats that a stretch gains: its place is one of thousands
+NOISE = 1.2  # energy per frame that is no more than noise
+KEPT = 0.1  # of what is left beyond noise, that stretches may leave
 SWEEPS = 3  # in which every stretch is looked for again beside the others
 ROUNDS = 3  # in which what is left says how much channels count
 LEAST_LEFT = 0.5  # energy per frame: less says nothing about how well a channel is met
@@ -50,13 +52,19 @@ Stretch = tuple[int, int]
 
 
 def beside(closer: Closer, closed: Closed) -> list[Closed]:
-    """The explanation with an effect that comes and goes beside its own, each that is worth it."""
-    found = []
+    """The explanation with an effect that comes and goes beside its own, each that leaves little: whatever comes and goes is a bit like four stretches."""
+    found = list[Closed]()
     for switched in SWITCHED:
         if len(closed.support) < LARGEST and switched.effect not in closed.support and switched.effect in closer.responses.variants:
             with suppress(NoNumbersError):
                 found += _with(closer, closed, switched)
-    return found
+    return [one for one in found if _excess(closer, one) < KEPT * _excess(closer, closed)]
+
+
+def _excess(closer: Closer, closed: Closed) -> float:
+    """Energy beyond noise that an explanation leaves, of all channels."""
+    left = closed.products.left(explain.posterior_mean(closed.products.pooled(np.ones(len(closer.system.names))), closed.places)[0])
+    return float(np.sum(np.maximum(0.0, left - NOISE * closer.system.n_rows)))
 
 
 def _with(closer: Closer, closed: Closed, switched: Switched) -> Iterator[Closed]:
@@ -112,15 +120,12 @@ class _Cells:
 
     def _coarsely(self, edges: np.ndarray, most: int) -> _Search:
         """Channels count as much as what is left in them allows, which the stretches change: begun with all as they are, and as they are without any stretch."""
-        table, best = self._products(edges), None
+        table, tried = self._products(edges), []
         for softening in (np.ones(len(table.generic)), self._softening(table)):
             for _ in range(ROUNDS):
-                found = self._search(table, softening, [], most)
-                if best is None or found.misfit < best.misfit:
-                    best = found
-                softening = found.softening
-        assert best is not None
-        return best
+                tried.append(self._search(table, softening, [], most))
+                softening = tried[-1].softening
+        return min(tried, key=lambda found: found.misfit)
 
     def _products(self, edges: np.ndarray) -> system.Products:
         """Of what is uncertain, the explanation's unknowns and, behind them, the cells."""
@@ -138,10 +143,10 @@ class _Cells:
         coefficients = np.concatenate([np.zeros(self._known), size * _mask(np.arange(len(match) + 1), found, len(match))])
         coefficients[: self._known] = known @ np.append(-coefficients[self._known :], 1.0)
         left = table.left(coefficients) / self._rows
-        return _Search(found, size, np.maximum(1.0, left), float(np.sum(self._rows * np.log(np.maximum(left, LEAST_LEFT)))))
+        return _Search(found, size, left, float(np.sum(self._rows * np.log(np.maximum(left, LEAST_LEFT)))))
 
     def _softening(self, table: system.Products) -> np.ndarray:
-        """(channels,): energy per frame that is left without any stretch."""
+        """(channels,): energy per frame that is left without any stretch, at least one."""
         known, _, cells = self._parted(table, np.ones(len(table.generic)))
         return np.maximum(1.0, table.left(np.concatenate([known[:, -1], np.zeros(len(cells))])) / self._rows)
 
@@ -163,13 +168,18 @@ class _Cells:
 
 @dataclass(frozen=True)
 class _Search:
-    """Stretches of cells, the effect's size in them, energy per frame that they leave (channels,), at least one, and how badly all channels are met, whatever their
+    """Stretches of cells, the effect's size in them, energy per frame that they leave (channels,), and how badly all channels are met, whatever their
     noise."""
 
     stretches: list[Stretch]
     size: float
-    softening: np.ndarray
+    left: np.ndarray
     misfit: float
+
+    @property
+    def softening(self) -> np.ndarray:
+        """(channels,): energy per frame that counts as noise."""
+        return np.maximum(1.0, self.left)
 
 
 def _searched(gram: np.ndarray, match: np.ndarray, stretches: list[Stretch], most: int) -> tuple[list[Stretch], float]:
