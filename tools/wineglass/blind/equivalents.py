@@ -16,7 +16,7 @@ from wineglass.device import Device
 
 DEG = math.pi / 180.0
 DEG_H = DEG / 3600.0
-PLAY_DEGC, ROCKING_HZ, LOGARITHM, CREEP, KNEE_FS = 8.0, 7.3, 50.0, 0.15, 0.7  # numbers of the generator's forms
+PLAY_DEGC, ROCKING_HZ, LOGARITHM, CREEP, BACK, KNEE_FS = 8.0, 7.3, 50.0, 0.15, 0.25, 0.7  # numbers of the generator's forms
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Day:
 
 @dataclass(frozen=True)
 class Same:
-    """parameter: of the catalogue; value: in its unit, of (strength, day); either_sign: a quarter turn of its axis, or half a period, turns the sign"""
+    """parameter: of the catalogue; value: in its unit, of (strength, day); either_sign: a quarter turn of its axis, half a period, or a bias that is there all the time, turns the sign"""
 
     parameter: str
     value: Callable[[float, Day], float]
@@ -75,6 +75,7 @@ SAME: dict[tuple[str, str], tuple[Same, ...]] = {
     ("amplitude_damping", "square"): (_times("damping"),),
     ("damping_step", "step"): (_times("damping"),),
     ("damping_step", "creep"): (_times("damping"), _is("creep_s", lambda day: CREEP * day.duration_s)),
+    ("damping_step", "there_and_back"): (_times("damping"), _is("lasts_s", lambda day: BACK * day.duration_s)),
     ("frequency_split", "constant"): (_times("split_hz", either_sign=True),),
     ("frequency_split", "secondary_only"): (_times("split_hz", either_sign=True),),
     ("frequency_split", "thermal"): (_times("slope_hz_per_degc", either_sign=True),),
@@ -121,6 +122,7 @@ SAME: dict[tuple[str, str], tuple[Same, ...]] = {
     ("thermometer_error", "gain"): (_times("gain"),),
     ("thermometer_quantisation", "steps"): (_times("step_degc"),),
     ("thermometer_quantisation", "sticking_steps"): (_times("step_degc"),),
+    ("vibration", "rectified"): (_times("rectified_rad_s", DEG_H, either_sign=True),),
     ("vibration", "rocking"): (_times("rate_rad_s", DEG, either_sign=True), _is("frequency_hz", lambda day: ROCKING_HZ)),
     ("interference", "near_carrier"): (_times("amplitude_fs", 1e-6),),
     ("rate_reference", "scale"): (Same("scale", lambda strength, day: 1.0 / (1.0 + strength) - 1.0),),
@@ -133,7 +135,7 @@ _CURVE = "another curve: what a fit of the catalogue's calls its size hangs on w
 _PLACE = "acts at another place than the catalogue's"
 WITHOUT: dict[tuple[str, str], str] = {
     **dict.fromkeys((("frequency_temperature", "sigmoid"), ("damping_temperature", "thermoelastic"), ("amplitude_frequency", "quartic"),
-                     ("amplitude_damping", "linear"), ("amplitude_damping", "quartic"), ("damping_step", "leak"), ("damping_step", "there_and_back"),
+                     ("amplitude_damping", "linear"), ("amplitude_damping", "quartic"), ("damping_step", "leak"),
                      ("frequency_split", "thermal_curved"), ("cross_damping", "bump"), ("cross_damping", "sigmoid"), ("cross_stiffness", "curvature"),
                      ("coriolis_gain", "saturating"), ("thermal_gradient", "mount"), ("thermal_gradient", "distributed"),
                      ("thermal_hysteresis", "prandtl_ishlinskii"), ("thermal_hysteresis", "preisach"), ("ageing", "exponential"),
@@ -148,7 +150,7 @@ WITHOUT: dict[tuple[str, str], str] = {
     ("clock_error", "ageing"): _CURVE,
     **dict.fromkeys((("dropped_samples", "lost"), ("dropped_samples", "doubled"), ("dropped_samples", "stale"), ("dropped_samples", "bursts")),
                     "at random times, the catalogue's at equal distances"),
-    **dict.fromkeys((("vibration", "rectified"), ("rate_reference", "misalignment"), ("interference", "drifting")), "not the same all day"),
+    **dict.fromkeys((("rate_reference", "misalignment"), ("interference", "drifting")), "not the same all day"),
     **dict.fromkeys((("vibration", "near_carrier"), ("interference", "alias"), ("firmware_mismatch", "scaled_output"), ("firmware_mismatch", "shifted_output"),
                      ("firmware_mismatch", "other_bias")), _PLACE),
 }
