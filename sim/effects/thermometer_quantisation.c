@@ -5,6 +5,8 @@
 #include "sim/effects/effect.h"
 #include "sim/elementary.h"
 
+enum { STEP, DEAD_BAND, ORIGIN };
+
 /* Integral of the rounded value from 0. */
 static double rounded_integral(double codes)
 {
@@ -34,16 +36,17 @@ static double mean_over_noise(double codes, double spread, double noise)
 
 static double read(const double *values, const struct effect_context *now, double degc, double spread_degc, double noise_degc)
 {
-    double codes = (degc - now->reference_degc) / values[0];
-    double spread = fabs(spread_degc) / values[0];
-    double noise = noise_degc / values[0];
+    double origin_degc = now->reference_degc + values[ORIGIN];
+    double codes = (degc - origin_degc) / values[STEP];
+    double spread = fabs(spread_degc) / values[STEP];
+    double noise = noise_degc / values[STEP];
     double rounded = floor(codes + 0.5);
     if (noise > 0.1) {
         rounded = mean_over_noise(codes, spread, noise);
     } else if (spread > 1e-9 || noise > 1e-9) {
         rounded = mean_over_spread(codes, sqrt(spread * spread + 12.0 * noise * noise));
     }
-    return now->reference_degc + values[0] * rounded;
+    return origin_degc + values[STEP] * rounded;
 }
 
 enum { HELD, STARTED };
@@ -51,7 +54,7 @@ enum { HELD, STARTED };
 static double hold(const double *values, double *state, const struct effect_context *now, double degc)
 {
     (void)now;
-    double half = fabs(values[0] * values[1]);
+    double half = fabs(values[STEP] * values[DEAD_BAND]);
     if (state[STARTED] == 0.0) {
         state[HELD] = degc;
         state[STARTED] = 1.0;
@@ -63,11 +66,12 @@ static double hold(const double *values, double *state, const struct effect_cont
 const struct effect effect_thermometer_quantisation = {
     .id = "thermometer_quantisation",
     .stage = EFFECT_STAGE_TEMPERATURE,
-    .equation = "Tm = T0 + q round((P - T0) / q), P: T with play of d q to each side",
+    .equation = "Tm = T1 + q round((P - T1) / q), T1 = T0 + o, P: T with play of d q to each side",
     .appearance = "stairs in the measured temperature and in whatever is compensated with it",
     .parameter = {
         {"step_degc", "degC", EFFECT_STRENGTH, 0.0, 0.0, 10.0, 0.5, "a sensor of 9 bits"},
         {"dead_band", "1", EFFECT_SHAPE, 0.0, 0.0, 1.0, 0.25, "of a step: a comparator that holds on to its code"},
+        {"origin_degc", "degC", EFFECT_SHAPE, 0.0, -1000.0, 1000.0, 0.1, "a temperature that is read as it is, from T0"},
     },
     .thermometer = hold,
     .reading = read,

@@ -11,9 +11,9 @@ from wineglass.diagnosis.responses import AXES_DEG, POLAR, REACH, STAIRS, Bench,
 from wineglass.diagnosis.unknowns import AXIS, Unknown, differences, respond
 from wineglass.errors import BadInput
 
-MOMENT_S = 2.0  # about the moment that a linear pass found
+KNOWN = {"time_s": 2.0, "origin_degc": 1e-3}  # about the moment that a linear pass found, and about where readings show the codes to be
 DOMINATES = 0.7  # of the amplitude of a split or mismatch: a constant of more has an axis that everything else follows
-SEEN = 0.01  # of stairs that readings show
+SEEN = 1e-4  # of stairs that readings show: so well are their height, and where they are, known
 AXIS_SPREAD_DEG, AXIS_BOUND_DEG = 45.0, 1e3
 Begun = list[tuple[Unknown, np.ndarray]]
 """Unknowns, each with what one of its unit does (channels of the bench, n)"""
@@ -56,7 +56,7 @@ def _straight(bench: Bench, responses: Responses, variant: Variant, coefficients
         if whole:
             value = min(max(value, 0.2 * unit), 5.0 * unit)
         spread = abs(unit) if whole else REACH * abs(record.typical)
-        if variant.effect == STAIRS and bench.stairs_degc is not None:  # stairs of another height are no smaller stairs
+        if variant.effect == STAIRS and bench.stairs is not None:  # stairs of another height are no smaller stairs
             value, spread = unit, SEEN * unit
         value = min(max(value, record.low), record.high)
         unknown = Unknown(variant.effect, record.name, "form" if record.form else "strength", value, unit if whole else 0.0, spread, record.low, record.high)
@@ -122,7 +122,7 @@ def _polar(bench: Bench, responses: Responses, variant: Variant, coefficients: d
 
 def _shape(effect: str, name: str, value: float) -> Unknown:
     record = _parameter(effect, name)
-    spread = MOMENT_S if name == "time_s" else max(abs(value), 0.1 * abs(record.typical), 1e-6)
+    spread = KNOWN.get(name) or max(abs(value), 0.1 * abs(record.typical), 1e-6)
     return Unknown(effect, name, "shape", value, value, spread, record.low, record.high)
 
 

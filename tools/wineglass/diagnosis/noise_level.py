@@ -80,9 +80,9 @@ class NoiseEvidence:
         return self._parameters.get(effect_id, [])
 
     @property
-    def stairs_degc(self) -> float | None:
-        """Steps of the thermometer, where its readings show coarse ones."""
-        return self.steps.step_degc if self.steps is not None and self.steps.coarse else None
+    def stairs(self) -> Steps | None:
+        """Of the thermometer, where its readings show coarse ones."""
+        return self.steps if self.steps is not None and self.steps.coarse else None
 
     def added(self, effects: frozenset[str]) -> noise_added.Added:
         """What these effects' noise, as strong as the spectra say, does to slow channels: densities for their floors, and the bias' own wander."""

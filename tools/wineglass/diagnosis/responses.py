@@ -17,6 +17,7 @@ from wineglass.diagnosis import curves
 from wineglass.diagnosis.channels import Grid
 from wineglass.diagnosis.described_noise import FLAT_ALLAN, direct_floors
 from wineglass.diagnosis.drive import Driven
+from wineglass.diagnosis.thermometer_codes import Steps
 from wineglass.diagnosis.unit import Unit
 from wineglass.effects import Setting
 from wineglass.envelope import CHANNELS as ENVELOPE_CHANNELS
@@ -80,11 +81,11 @@ class Responses:
 
 class Bench:
     """Runs the envelope twin over the recorded inputs, again and again. unit: the device in truth; shell_off: by how much the bench's shell
-    thermometer reads too little, in standard deviations; stairs_degc: steps that the recorded thermometer was seen to have."""
+    thermometer reads too little, in standard deviations; stairs: steps that the recorded thermometer was seen to have."""
 
-    def __init__(self, driven: Driven, grid: Grid, names: Sequence[str], unit: Unit | None = None, shell_off: float = 0.0, stairs_degc: float | None = None):
+    def __init__(self, driven: Driven, grid: Grid, names: Sequence[str], unit: Unit | None = None, shell_off: float = 0.0, stairs: Steps | None = None):
         self.driven, self.grid, self.shell_off = driven.warmer(shell_off * SHELL_OFFSET_DEGC), grid, shell_off
-        self.stairs_degc = stairs_degc
+        self.stairs = stairs
         self._as_recorded = driven
         self.unit = Unit.of(driven.run.device) if unit is None else unit
         self.names = tuple(name for name in names if name in ENVELOPE_CHANNELS)
@@ -110,7 +111,7 @@ class Bench:
         return self.nominal[self.names.index(MEASURED)] if MEASURED in self.names else self.shell_degc
 
     def at(self, unit: Unit, shell_off: float) -> Bench:
-        return Bench(self._as_recorded, self.grid, self.names, unit, shell_off, self.stairs_degc)
+        return Bench(self._as_recorded, self.grid, self.names, unit, shell_off, self.stairs)
 
     def centre(self, nuisances: Sequence[str], unit: Unit | None = None) -> np.ndarray:
         """(m,): where the bench's runs have what is uncertain, in standard deviations. unit: None is the bench's own."""
@@ -268,8 +269,9 @@ def _variants(bench: Bench, effect: effects.Effect) -> list[tuple[dict[str, floa
     """Shapes, and the probes of each: name of the strength, setting, prior in multiples of the setting."""
     if effect.id in POLAR:
         return [({}, [probe for axis in AXES_DEG for probe in _strengths(effect, {"axis_deg": axis})])]
-    if effect.id == STAIRS and bench.stairs_degc is not None:
-        return [({"dead_band": part}, [("step_degc", Setting(STAIRS, {"step_degc": bench.stairs_degc, "dead_band": part}), 1.0)]) for part in DEAD_BANDS]
+    if effect.id == STAIRS and bench.stairs is not None:
+        shapes = seen_stairs(bench.stairs, bench.unit.device)
+        return [(shape, [("step_degc", Setting(STAIRS, {"step_degc": bench.stairs.step_degc, **shape}), 1.0)]) for shape in shapes]
     if effect.id in _WHOLE:
         return [(shape, [(name, Setting(effect.id, {name: value, **shape}), 1.0)]) for name, value, shape in _WHOLE[effect.id](bench)]
     if effect.id in _APART:
@@ -309,6 +311,12 @@ def _clips(bench: Bench) -> list[Whole]:
     amplitude = bench.driven.run.device.firmware.amplitude_fs
     flat = [("loss_fs", min(0.8, 1.0 - amplitude * (1.0 - part)), shape) for part in (0.003, 0.02, 0.1) for shape in ({}, {"negative_part": 0.0})]
     return [*flat, ("loss_fs", min(0.8, 1.0 - 0.75 * amplitude), {"positive_part": COMPRESSED, "negative_part": COMPRESSED})]
+
+
+def seen_stairs(stairs: Steps, unit: Device) -> list[dict[str, float]]:
+    """Readings, of which a unit's zero is taken, say where the codes are, but not whether one is held on to."""
+    origin_degc = (stairs.offset_degc + unit.electronics.thermometer.zero_degc - unit.resonator.reference_temperature_degc) % stairs.step_degc
+    return [{"origin_degc": origin_degc, "dead_band": part} for part in DEAD_BANDS]
 
 
 def _steps(bench: Bench) -> list[Whole]:

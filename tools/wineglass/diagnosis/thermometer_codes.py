@@ -26,7 +26,7 @@ LEAST_SAMPLES = 200
 @dataclass(frozen=True)
 class Steps:
     """step_degc: the greatest step that fits; levels: readings, more than half of the thermometer's own code apart, at which the temperature stood still; share:
-    of them on its multiples"""
+    of them on its multiples, counted from offset_degc"""
 
     step_degc: float
     share: float
@@ -34,6 +34,7 @@ class Steps:
     own_degc: float
     neighbours: float = 0.0
     """share of the distances between levels that are one step: a temperature that creeps meets them one after the other"""
+    offset_degc: float = 0.0
 
     @property
     def coarse(self) -> bool:
@@ -61,9 +62,9 @@ def find(recording: Recording, device: Device) -> Steps | None:
     distances = distances[distances > 0.5 * own]
     if len(distances) == 0:
         return Steps(own, 0.0, 1, own)
-    step, share = _refined(levels, float(np.median(distances)), own)
+    step, offset, share = _refined(levels, float(np.median(distances)), own)
     near = float(np.mean(np.abs(distances / step - 1.0) < 2.0 * _tolerance(step, own)))
-    return Steps(step, share, 1 + len(distances), own, near)
+    return Steps(step, share, 1 + len(distances), own, near, offset)
 
 
 def _standing(readings: np.ndarray, own: float) -> np.ndarray:
@@ -77,16 +78,20 @@ def _standing(readings: np.ndarray, own: float) -> np.ndarray:
     return values[np.concatenate([[True], np.diff(values) > 0.05 * own])]
 
 
-def _refined(levels: np.ndarray, step: float, own: float) -> tuple[float, float]:
-    """The step near the given one on whose multiples, from some offset, most levels lie."""
-    best = (step, 0.0)
+def _refined(levels: np.ndarray, step: float, own: float) -> tuple[float, float, float]:
+    """The step near the given one on whose multiples, from some offset, most levels lie; the offset, and the share of them. Of the steps that do, the one that
+    meets these levels best."""
+    best, offset, share = step, 0.0, 0.0
     for trial in step * np.concatenate([[1.0], np.linspace(0.9, 1.1, 801)]):
         turn = levels / trial
         phase = np.angle(np.mean(np.exp(2j * np.pi * turn))) / (2.0 * np.pi)
-        share = float(np.mean(np.abs(turn - phase - np.round(turn - phase)) < _tolerance(trial, own)))
-        if share > best[1]:
-            best = (float(trial), share)
-    return best
+        number = np.round(turn - phase)
+        on = np.abs(turn - phase - number) < _tolerance(trial, own)
+        if np.mean(on) > share:
+            best, offset, share = float(trial), float(phase * trial), float(np.mean(on))
+            if np.ptp(number[on]) > 0.0:
+                best, offset = (float(value) for value in np.polyfit(number[on], levels[on], 1))
+    return best, offset, share
 
 
 def _tolerance(step: float, own: float) -> float:

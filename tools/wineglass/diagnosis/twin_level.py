@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from wineglass.device import Device
-from wineglass.diagnosis import channels, drive, explain, floors, follow, noisy, responses, standing, system, task
+from wineglass.diagnosis import channels, drive, explain, floors, follow, noisy, responses, seen_stairs, standing, system, task
 from wineglass.diagnosis.changes import Left
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.closure import Closed
@@ -20,7 +20,7 @@ from wineglass.diagnosis.drive import Driven
 from wineglass.diagnosis.explain import Explained
 from wineglass.diagnosis.floors import Floor
 from wineglass.diagnosis.noise_level import NoiseEvidence
-from wineglass.diagnosis.responses import Bench, Responses
+from wineglass.diagnosis.responses import STAIRS, Bench, Responses
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.system import System
 from wineglass.diagnosis.unit import FARTHEST
@@ -94,7 +94,11 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
         recorded = noisy.undisturbed(recorded, driven, noise) if noisy.DROPPED in named else recorded
         recorded = noisy.with_beats(recorded) if noisy.BENT & named else recorded
         recorded = noisy.without_beats(recorded, recording, noise) if noisy.BEATING & named else recorded
-    bench = Bench(driven, grid, recorded.names, stairs_degc=noise.stairs_degc if noise is not None else None)
+    stairs = noise.stairs if noise is not None else None
+    bench = Bench(driven, grid, recorded.names, stairs=stairs)
+    if stairs is not None and STAIRS not in without:
+        driven = seen_stairs.with_known_zero(driven, bench, recorded, stairs)
+        bench = Bench(driven, grid, recorded.names, stairs=stairs)
     loops = drive.loop_at(driven, grid.time_s)
     floor = floors.at_rest(driven, grid, bench.names, frozenset({"rebalance" if on else "open" for on in (loops.any(), loops.all())}), added)
     asked = task.asked(recorded, driven, recording, floor, system.chosen(bench.names, floor), without, advance)
