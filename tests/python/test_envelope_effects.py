@@ -42,10 +42,11 @@ SPECIAL = {
     "flicker_noise": Setting("flicker_noise", {"bias_rad_s": 1e-4}),
     "vibration": Setting("vibration", {"rate_rad_s": 0.02, "rectified_rad_s": 1e-4, "frequency_hz": 3.0}),
 }
-STRETCHES = {
+SHAPES = {
     "a loss for a while": Setting("damping_step", {"damping": 0.02, "time_s": 8.0, "creep_s": 0.5, "lasts_s": 7.0}),
     "shaken twice": Setting("vibration", {"rectified_rad_s": 1e-4, "begin_1_s": 7.03, "lasts_1_s": 4.0, "begin_2_s": 12.51, "lasts_2_s": 6.0}),
     "stretches that overlap are one": Setting("vibration", {"rectified_rad_s": 1e-4, "begin_1_s": 7.0, "lasts_1_s": 4.0, "begin_4_s": 9.0, "lasts_4_s": 6.0}),
+    "stairs from elsewhere": Setting("thermometer_quantisation", {"step_degc": 0.5, "origin_degc": 0.17}),
 }
 NOISE = ("clock_jitter", "excess_noise")  # of which the envelope twin sees nothing, and no mean may
 RUNNING_PHASE = ("interference",)  # a tone's phase against the oscillator after a cold start is anyone's guess: sizes are compared
@@ -124,18 +125,18 @@ def test_a_jump_at_zero_is_seen_through_the_converters_noise(name, size_fs, loop
 
 
 @pytest.mark.parametrize("loop", ["open", "rebalance"])
-@pytest.mark.parametrize("name", STRETCHES)
-def test_both_twins_show_what_comes_and_goes(name, loop):
+@pytest.mark.parametrize("name", SHAPES)
+def test_both_twins_show_the_same_in_other_shapes(name, loop):
     fast0, slow0 = nominal(loop, 5000.0)
-    fast, slow = both(case(fields(loop), [STRETCHES[name]]), START_S)
+    fast, slow = both(case(fields(loop), [SHAPES[name]]), START_S)
     kept = calm(len(fast["rate"]))
     for channel in HELD + OWN[loop]:
         true, found, plain = (slow[channel] - slow0[channel])[kept], (fast[channel] - fast0[channel])[kept], (fast0[channel] - slow0[channel])[kept]
-        assert rms(found - true) <= 0.01 * rms(true) + 2.0 * rms(plain), channel
+        assert rms(found - true) <= TOLERANCE.get(SHAPES[name].id, 0.01) * rms(true) + 2.0 * rms(plain), channel
 
 
 def test_a_bias_while_the_base_shakes_is_there_for_so_long():
-    quiet, shaken = (both(case(fields("rebalance"), settings), START_S)[1] for settings in ([], [STRETCHES["shaken twice"]]))
+    quiet, shaken = (both(case(fields("rebalance"), settings), START_S)[1] for settings in ([], [SHAPES["shaken twice"]]))
     change = shaken["rate"] - quiet["rate"]
     assert np.sum(change) * 0.02 == pytest.approx(1e-4 * (4.0 + 6.0), rel=0.02)
     time_s = START_S + 0.02 * np.arange(len(change))

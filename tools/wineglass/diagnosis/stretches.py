@@ -6,7 +6,6 @@ one first that explains most; then the cells at their ends are cut finer, until 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -57,8 +56,10 @@ def beside(closer: Closer, closed: Closed) -> list[Closed]:
     for switched in SWITCHED:
         if len(closed.support) < LARGEST and switched.effect not in closed.support and switched.effect in closer.responses.variants:
             with suppress(NoNumbersError):
-                found += _with(closer, closed, switched)
-    return [one for one in found if _excess(closer, one) < KEPT * _excess(closer, closed)]
+                grown = _with(closer, closed, switched)
+                if grown is not None and _excess(closer, grown) < KEPT * _excess(closer, closed):
+                    found.append(grown)
+    return found
 
 
 def _excess(closer: Closer, closed: Closed) -> float:
@@ -67,12 +68,13 @@ def _excess(closer: Closer, closed: Closed) -> float:
     return float(np.sum(np.maximum(0.0, left - NOISE * closer.system.n_rows)))
 
 
-def _with(closer: Closer, closed: Closed, switched: Switched) -> Iterator[Closed]:
+def _with(closer: Closer, closed: Closed, switched: Switched) -> Closed | None:
+    """None: nothing comes and goes as this effect would."""
     record = next(p for p in effects.find(switched.effect).parameters if p.name == switched.strength)
     always = closer.bench.tried([*closed.settings, Setting(switched.effect, {switched.strength: record.typical, **switched.always})])[closer.pick] - closed.response
     edges, stretches, size = _Cells(closer, closed, always).found(len(switched.ends))
     if not stretches:
-        return
+        return None
     frame_s, begin_s = closer.bench.grid.frame_s, closer.bench.grid.first * closer.bench.grid.frame_s
     unknowns = [Unknown(switched.effect, record.name, "strength", size * record.typical, 0.0, REACH * record.typical, record.low, record.high)]
     shapes = dict[str, float]()
@@ -82,7 +84,7 @@ def _with(closer: Closer, closed: Closed, switched: Switched) -> Iterator[Closed
     unknowns += [Unknown(switched.effect, name, "shape", value, value, MOMENT_S, by_name[name].low, by_name[name].high) for name, value in shapes.items()]
     rows = np.zeros((len(unknowns), *always.shape))
     rows[0] = always / record.typical * _mask(edges, stretches, always.shape[-1])
-    yield closer.grown(closed, (Variant(switched.effect, (), shapes),), unknowns, rows)
+    return closer.grown(closed, (Variant(switched.effect, (), shapes),), unknowns, rows)
 
 
 def _mask(edges: np.ndarray, stretches: list[Stretch], count: int) -> np.ndarray:
