@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from wineglass import protocols, scenario
@@ -39,3 +40,5 @@ def test_the_zero_is_where_the_stairs_fall(tmp_path: Path, zero_degc: float, dea
     assert known.resonator == driven.run.device.resonator
     certain = replace(driven, run=replace(driven.run, device=driven.run.device.model_copy(update={"tolerance": {}})))
     assert with_known_zero(certain, Bench(certain, grid, recorded.names), recorded, found) is certain
+    late = replace(recorded, values=np.roll(recorded.values, 20, axis=1))
+    assert with_known_zero(driven, Bench(driven, grid, recorded.names), late, found) is driven, "readings that are late by seconds say nothing of the zero"
