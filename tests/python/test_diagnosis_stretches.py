@@ -114,33 +114,40 @@ def test_what_comes_and_goes_more_often_is_something_else():
 # ---- the search -----------------------------------------------------------------------------------------------------------------
 
 
+CELLS = 9
+EDGES = np.arange(CELLS + 1)
+
+
 def gain_of(gram: np.ndarray, match: np.ndarray, mask: np.ndarray) -> float:
     size = float(mask @ gram @ mask)
     return 0.5 * float(mask @ match) ** 2 / size if size > 0.0 else 0.0
 
 
-def test_the_best_stretch_beside_others_is_the_best_of_all():
-    rng = np.random.default_rng(SEED + 70)
+def random_sums(seed: int):
+    """Gram matrix and match of an effect cut into cells, fifty times anew."""
+    rng = np.random.default_rng(seed)
     for _ in range(50):
-        k = 9
-        rows = rng.standard_normal((k, 20))
-        gram, match = rows @ rows.T, 10.0 * rng.standard_normal(k)
-        others = [(3, 5)]
-        (first, last), gain = stretches._Sums(gram, match).best(others)
-        able = [(a, b) for a, b in combinations(range(k + 1), 2) if b < 3 or a > 5]
-        mask = stretches._mask(np.arange(k + 1), others, k)
-        every = {one: gain_of(gram, match, mask + stretches._mask(np.arange(k + 1), [one], k)) for one in able}
-        assert gain == pytest.approx(max(every.values()), rel=1e-9)
-        assert every[first, last] == pytest.approx(gain, rel=1e-9)
+        rows = rng.standard_normal((CELLS, 20))
+        yield rows @ rows.T, 10.0 * rng.standard_normal(CELLS)
+
+
+def assert_best(found, gain: float, every: dict, where: str):
+    assert gain == pytest.approx(max(every.values()), rel=1e-9), where
+    assert every[found] == pytest.approx(gain, rel=1e-9), where
+
+
+def test_the_best_stretch_beside_others_is_the_best_of_all():
+    others = [(3, 5)]
+    taken = stretches._mask(EDGES, others, CELLS)
+    free = [(a, b) for a, b in combinations(range(CELLS + 1), 2) if b < 3 or a > 5]
+    for gram, match in random_sums(SEED + 70):
+        found, gain = stretches._Sums(gram, match).best(others)
+        every = {one: gain_of(gram, match, taken + stretches._mask(EDGES, [one], CELLS)) for one in free}
+        assert_best(tuple(found), gain, every, f"seed {SEED + 70}")
 
 
 def test_the_best_gap_within_a_stretch_is_the_best_of_all():
-    rng = np.random.default_rng(SEED + 80)
-    for _ in range(50):
-        k = 9
-        rows = rng.standard_normal((k, 20))
-        gram, match = rows @ rows.T, 10.0 * rng.standard_normal(k)
+    for gram, match in random_sums(SEED + 80):
         parts, gain = stretches._Sums(gram, match).split([(1, 8)])
-        every = {((1, a), (b, 8)): gain_of(gram, match, stretches._mask(np.arange(k + 1), [(1, a), (b, 8)], k)) for a, b in combinations(range(2, 8), 2)}
-        assert gain == pytest.approx(max(every.values()), rel=1e-9)
-        assert every[tuple(parts)] == pytest.approx(gain, rel=1e-9)
+        every = {((1, a), (b, 8)): gain_of(gram, match, stretches._mask(EDGES, [(1, a), (b, 8)], CELLS)) for a, b in combinations(range(2, 8), 2)}
+        assert_best(tuple(parts), gain, every, f"seed {SEED + 80}")
