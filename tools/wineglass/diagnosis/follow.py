@@ -20,7 +20,6 @@ from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.system import System
 from wineglass.diagnosis.task import Task
-from wineglass.diagnosis.unit import FARTHEST
 from wineglass.diagnosis.unknowns import possible
 from wineglass.errors import BadInput
 
@@ -55,7 +54,7 @@ def _left(there: Standing, frames: Frames, task: Task) -> tuple[System, Left]:
     wandering = responses.wandering([name for name, _ in there.slopes])
     left = np.array([task.recorded[name] - frames[name] for name in built.names])
     table = standing.linear(there, task, built)
-    return built, changes.held_out(built, table, np.ones(len(built.names)), there.columns(task.pick), left, wandering, FARTHEST)
+    return built, changes.held_out(built, table, np.ones(len(built.names)), there.columns(task.pick), left, wandering, there.limits)
 
 
 def _explained(there: Standing, base: Frames, nominal: Bench, task: Task) -> Look:

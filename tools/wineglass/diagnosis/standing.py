@@ -72,6 +72,12 @@ class Standing:
         return (self.values - np.array([u.middle for u in self.unknowns])) / self.spread if self.unknowns else np.zeros(0)
 
     @cached_property
+    def limits(self) -> np.ndarray:
+        """(slopes and unknowns,): how many spreads from its prior's middle anything may be: a unit as far as units are, a shape as near to where it begins;
+        strengths go as far as physics allows."""
+        return np.array([*[FARTHEST] * len(self.slopes), *[FARTHEST if u.role == "shape" else np.inf for u in self.unknowns]])
+
+    @cached_property
     def envelope(self) -> np.ndarray:
         """(channels of the bench, n)."""
         return self.bench.run(self.settings) if self.unknowns else self.bench.nominal
@@ -168,13 +174,13 @@ class _Here:
     @property
     def energy_left(self) -> np.ndarray:
         """(channels,): per frame, in floors, once the next linear step within the tolerances is taken, too."""
-        change = explain.within(self.table.pooled(np.ones(len(self.built.names))), list(range(self.table.count)), -self.table.about, FARTHEST)
+        change = explain.within(self.table.pooled(np.ones(len(self.built.names))), list(range(self.table.count)), -self.table.about, self.standing.limits)
         return self.table.left(change) / np.maximum(self.built.n_rows, 1)
 
     def cost(self, softening: np.ndarray) -> float:
         """Half the energy left, and the priors': only what is fixed is at its best."""
         gram, fixed = self.table.pooled(softening), self.fixed
-        return 0.5 * float(gram[-1, -1]) + _gain(gram, fixed, explain.within(gram, fixed, -self.table.about[fixed], FARTHEST))
+        return 0.5 * float(gram[-1, -1]) + _gain(gram, fixed, explain.within(gram, fixed, -self.table.about[fixed], self.standing.limits[fixed]))
 
     def cost_with(self, softening: np.ndarray, fixed: np.ndarray) -> float:
         """The same where what is fixed has these coefficients."""
@@ -297,7 +303,7 @@ def _step(here: _Here) -> _Step:
     gram, everything = table.pooled(softening), list(range(table.count))
     movable = sorted({*everything} - {*fixed})
     gram[movable, movable] += DAMPING
-    changes = [explain.within(gram, places, -table.about[places], FARTHEST) for places in (fixed, everything)]
+    changes = [explain.within(gram, places, -table.about[places], here.standing.limits[places]) for places in (fixed, everything)]
     costs = [_gain(gram, places, change) for places, change in zip((fixed, everything), changes, strict=True)]
     excess = 0.5 * float(gram[-1, -1]) + costs[1] - 0.5 * float(np.sum(built.n_rows / softening))
     return _Step(changes[1], costs[0] - costs[1], max(0.0, excess), softening)
