@@ -45,6 +45,17 @@ def test_one_effect_is_named_sized_and_removed(tmp_path: Path, loop: str, effect
     assert diagnosis.shrink.all.fraction is not None and diagnosis.shrink.all.fraction > 0.95
 
 
+def test_a_small_effect_beside_one_far_beyond_its_usual_size(tmp_path: Path) -> None:
+    """A mismatch of 45 typical sizes, which the full twin has to follow to its end, and a gradient that is a three hundredth of the whole gap."""
+    large, small = Setting("damping_mismatch", {"mismatch": 0.45, "axis_deg": 90.0}), Setting("thermal_gradient", {"bias_rad_s_per_degc_s": 1.5e-4})
+    diagnosis = examined(tmp_path, [large, small], "rebalance").verdict.diagnosis
+    assert diagnosis.verdict == "attributed"
+    assert [e.id for e in diagnosis.effects] == [large.id, small.id]
+    values = {p.name: p.value for e in diagnosis.effects for p in e.parameters}
+    assert values["mismatch"] == pytest.approx(0.45, rel=0.01)
+    assert values["bias_rad_s_per_degc_s"] == pytest.approx(1.5e-4, rel=0.02)
+
+
 def test_the_twin_is_driven_by_what_was_recorded(tmp_path: Path) -> None:
     run = scenario.prepare(protocols.cut(protocols.scenario("full", device="metal-fast", seed=SEED), 80.0))
     simulate(run, tmp_path / "rec.h5")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ PARTED = 1  # sets of each size that are also tried without each of their effect
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
 LOOK_AGAIN, BETTER = 50.0, 3.0  # nats over no effect, and over what was followed, from which on an explanation is followed on the full twin
+FAR_LESS = 0.3  # of the energy that what was followed leaves: what leaves less is worth following, too
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
 
@@ -56,13 +57,22 @@ class Look:
         return min(per_frame, default=np.inf)
 
     def promising(self, followed: set[Support]) -> Closed | None:
-        """What to follow on the full twin next, of what no bound holds back: of all single effects the one that leaves least; then what does better than that."""
+        """What to follow on the full twin next, of what no bound holds back: of all single effects the one that leaves least; then what does better than that;
+        then what leaves far less, because it is only there that it can do better."""
         able = [entry for entry in self.closed if entry.possible and self.over_none(entry) > LOOK_AGAIN]
         if not followed:
             return min(able, key=lambda entry: (len(entry.support), float(np.sum(entry.entry.left))), default=None)
-        so_far = max((self.over_none(entry) for entry in self.closed if entry.support in followed), default=-np.inf)
-        best = able[0] if able and self.over_none(able[0]) > so_far + BETTER else None
-        return None if best is None or best.support in followed else best
+        so_far = [entry for entry in self.closed if entry.support in followed]
+        most = max((self.over_none(entry) for entry in so_far), default=-np.inf)
+        if able and able[0].support not in followed and self.over_none(able[0]) > most + BETTER:
+            return able[0]
+        least = min((self._beyond_noise(entry) for entry in so_far), default=np.inf)
+        far = [entry for entry in able if entry.support not in followed and self._beyond_noise(entry) < FAR_LESS * least]
+        return min(far, key=self._beyond_noise, default=None)
+
+    def _beyond_noise(self, closed: Closed) -> float:
+        """Energy left."""
+        return float(np.sum(np.maximum(0.0, closed.entry.left - self.system.n_rows)))
 
 
 def look(bench: Bench, base: Frames, task: Task, known: tuple[Closed, Standing] | None = None, largest: int = LARGEST, settled: bool = False,
@@ -77,7 +87,7 @@ def look(bench: Bench, base: Frames, task: Task, known: tuple[Closed, Standing] 
     table = closer.table
     closed = _closed(closer, counts, known, largest, settled, bend)
     task.advance()
-    weighed, softening, none = _weighed(built, _with_parts(closer, closed), table, found, counts)
+    weighed, softening, none = _weighed(built, _with_parts(closer, closed), table, found, counts, known[0].support if known is not None else None)
     return Look(bench, base, found, built, table, none, weighed, softening, settled)
 
 
@@ -184,9 +194,10 @@ def _with_parts(closer: Closer, closed: list[Closed]) -> list[Closed]:
     return list(found.values())
 
 
-def _weighed(built: System, closed: list[Closed], table: system.Products, found: Responses, counts: dict[str, int]
+def _weighed(built: System, closed: list[Closed], table: system.Products, found: Responses, counts: dict[str, int], followed: Support | None
              ) -> tuple[list[Closed], np.ndarray, Explained]:
-    """Evidence of all closures: noise as large as the best one leaves it, forms believed as far as the simplest good one earns it."""
+    """Evidence of all closures: noise as large as the best one leaves it, forms believed as far as the simplest good one earns it. followed: what the full twin
+    was run with."""
     nuisances = len(found.nuisances)
     ones = np.ones(len(table.generic))
     none = explain.explained(table, ones, nuisances, [], (), 0.0, found.tolerances)
@@ -194,17 +205,22 @@ def _weighed(built: System, closed: list[Closed], table: system.Products, found:
         entry.weigh(ones, nuisances, counts, found.tolerances)
     best = min(closed, key=lambda c: float(np.sum(c.entry.left)), default=None)
     noise = np.maximum(1.0, built.noise_left(built.data if best is None else built.data - built.whiten(best.response))) ** 2
-    softening = _earned(closed, none) * noise
+    simplest = _simplest(closed, none)
+    softening = _earned(closed, simplest, none) * noise
     none = explain.explained(table, softening, nuisances, [], (), 0.0, found.tolerances)
     for entry in closed:
         entry.weigh(softening, nuisances, counts, found.tolerances)
+    if simplest is not None and followed is not None and set(simplest.support) <= set(followed):
+        for entry in closed:
+            if set(entry.support) > set(simplest.support):
+                entry.entry = replace(entry.entry, log_evidence=entry.entry.log_evidence + _more(entry, simplest, softening, noise * built.n_rows))
     return sorted(closed, key=lambda c: -(c.entry.log_evidence + c.entry.log_generic)), softening, none
 
 
-def _earned(closed: list[Closed], none: Explained) -> np.ndarray:
-    """(channels,): 1 + what the simplest good explanation leaves in a channel beyond noise, over the freedom of a wrong form."""
+def _simplest(closed: list[Closed], none: Explained) -> Closed | None:
+    """The explanation of fewest effects that leaves little; of as many, the one that leaves least."""
     if not closed:
-        return np.ones(len(none.left))
+        return None
     least = np.min([c.entry.left for c in closed], axis=0)
     whole = float(np.sum(none.left - least))
     for size in (1, 2, 3):
@@ -214,5 +230,22 @@ def _earned(closed: list[Closed], none: Explained) -> np.ndarray:
         best = min(able, key=lambda c: float(np.sum(c.entry.left)))
         if float(np.sum(best.entry.left - least)) <= SIMPLE_ENOUGH**2 * whole or size == 3:
             break
-    beyond_noise = np.maximum(0.0, best.entry.left - np.minimum(least, best.entry.left))
-    return 1.0 + beyond_noise / FREEDOM + MODEL**2 * np.maximum(0.0, none.left - best.entry.left)
+    return best
+
+
+def _earned(closed: list[Closed], simplest: Closed | None, none: Explained) -> np.ndarray:
+    """(channels,): 1 + what the simplest good explanation leaves in a channel beyond noise, over the freedom of a wrong form."""
+    if simplest is None:
+        return np.ones(len(none.left))
+    left = simplest.entry.left
+    beyond_noise = np.maximum(0.0, left - np.min([c.entry.left for c in closed], axis=0))
+    return 1.0 + beyond_noise / FREEDOM + MODEL**2 * np.maximum(0.0, none.left - left)
+
+
+def _more(entry: Closed, simplest: Closed, softening: np.ndarray, noise: np.ndarray) -> float:
+    """Nats that one more effect beside an explanation earns beyond what the softening grants: how wrong a form is nobody knows, so that what is left of a
+    discrepancy counts by its ratio, however large it was."""
+    unknown = FREEDOM + (explain.FLOOR_KNOWN - 1.0) * noise
+    before, after = (np.maximum(0.0, c.entry.left - noise) + unknown for c in (simplest, entry))
+    granted = 0.5 * (simplest.entry.left - entry.entry.left) / softening
+    return float(np.sum(np.maximum(0.0, 0.5 * FREEDOM * np.log(before / after) - granted)))
