@@ -30,6 +30,7 @@ def test_every_parameter_is_one_of_the_catalogue():
     ("adc_saturation", "soft", 0.05, "loss_fs", 0.3),  # above 0.7 FS
     ("adc_nonlinearity", "zero_step", 2e-4, "sign_step_fs", 2e-4),
     ("drive_feedthrough", "capacitive", 200.0, "edge", 2e-4),
+    ("thermal_gradient", "mount", 20.0, "settles_s", 0.6),  # a fifth of 3 s
     ("thermal_hysteresis", "play", 20.0, "half_width_degc", 8.0),
     ("ageing", "linear", 36.0, "linear_rad_s_per_h", math.radians(36.0) / 3600.0 * 6.0),  # within 600 s
     ("excess_noise", "white", 2.0, "secondary_fs", 2.0 * 10.0**-4.5 / math.sqrt(2.0)),  # 90 dB

@@ -46,6 +46,7 @@ SHAPES = {
     "a loss for a while": Setting("damping_step", {"damping": 0.02, "time_s": 8.0, "creep_s": 0.5, "lasts_s": 7.0}),
     "shaken twice": Setting("vibration", {"rectified_rad_s": 1e-4, "begin_1_s": 7.03, "lasts_1_s": 4.0, "begin_2_s": 12.51, "lasts_2_s": 6.0}),
     "stretches that overlap are one": Setting("vibration", {"rectified_rad_s": 1e-4, "begin_1_s": 7.0, "lasts_1_s": 4.0, "begin_4_s": 9.0, "lasts_4_s": 6.0}),
+    "a gradient that settles": Setting("thermal_gradient", {"bias_rad_s_per_degc_s": 1e-3, "settles_s": 3.0}),
     "stairs from elsewhere": Setting("thermometer_quantisation", {"step_degc": 0.5, "origin_degc": 0.17}),
 }
 NOISE = ("clock_jitter", "excess_noise")  # of which the envelope twin sees nothing, and no mean may

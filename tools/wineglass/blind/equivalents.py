@@ -16,7 +16,7 @@ from wineglass.device import Device
 
 DEG = math.pi / 180.0
 DEG_H = DEG / 3600.0
-PLAY_DEGC, ROCKING_HZ, LOGARITHM, CREEP, BACK, KNEE_FS = 8.0, 7.3, 50.0, 0.15, 0.25, 0.7  # numbers of the generator's forms
+PLAY_DEGC, ROCKING_HZ, LOGARITHM, CREEP, BACK, KNEE_FS, INNER = 8.0, 7.3, 50.0, 0.15, 0.25, 0.7, 0.2  # numbers of the generator's forms
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,11 @@ class Day:
     def late_s(self) -> float:
         """A milliradian of the carrier."""
         return 1e-3 / (2.0 * math.pi * self.described.resonator.frequency_hz)
+
+    @property
+    def inner_s(self) -> float:
+        """The node within the shell follows it so late."""
+        return INNER * self.unit.get("thermal.shell_time_constant_s", self.described.thermal.shell_time_constant_s)
 
     @property
     def noise_fs(self) -> float:
@@ -89,6 +94,7 @@ SAME: dict[tuple[str, str], tuple[Same, ...]] = {
     ("coriolis_gain", "slope"): (_times("slope_per_degc"),),
     ("coriolis_gain", "cubic"): (_times("cubic_s2_rad2"),),
     ("thermal_gradient", "derivative"): (_times("bias_rad_s_per_degc_s", DEG_H),),
+    ("thermal_gradient", "mount"): (Same("bias_rad_s_per_degc_s", lambda strength, day: DEG_H * strength * day.inner_s), _is("settles_s", lambda day: day.inner_s)),
     ("thermal_hysteresis", "play"): (_times("bias_rad_s", -DEG_H), _is("half_width_degc", lambda day: PLAY_DEGC)),
     ("ageing", "linear"): (Same("linear_rad_s_per_h", lambda strength, day: DEG_H * strength * 3600.0 / day.duration_s),),
     ("ageing", "logarithmic"): (_times("logarithmic_rad_s", DEG_H / math.log1p(LOGARITHM)), _is("time_constant_s", lambda day: day.duration_s / LOGARITHM)),
@@ -137,7 +143,7 @@ WITHOUT: dict[tuple[str, str], str] = {
     **dict.fromkeys((("frequency_temperature", "sigmoid"), ("damping_temperature", "thermoelastic"), ("amplitude_frequency", "quartic"),
                      ("amplitude_damping", "linear"), ("amplitude_damping", "quartic"), ("damping_step", "leak"),
                      ("frequency_split", "thermal_curved"), ("cross_damping", "bump"), ("cross_damping", "sigmoid"), ("cross_stiffness", "curvature"),
-                     ("coriolis_gain", "saturating"), ("thermal_gradient", "mount"), ("thermal_gradient", "distributed"),
+                     ("coriolis_gain", "saturating"), ("thermal_gradient", "distributed"),
                      ("thermal_hysteresis", "prandtl_ishlinskii"), ("thermal_hysteresis", "preisach"), ("ageing", "exponential"),
                      ("drive_misalignment", "curved"), ("actuator_gain", "sigmoid"), ("drive_phase", "amplifier_pole"), ("pickoff_gain", "curvature"),
                      ("pickoff_phase", "pole"), ("thermometer_lag", "two_poles"), ("thermometer_lag", "diffusion"), ("thermometer_error", "curvature")), _CURVE),
