@@ -19,7 +19,7 @@ SEED = 22
 FLOOR_KNOWN = 1.1  # the floor's variance comes from a short run of the description, and a unit is fitted as well as slopes allow
 BRIEF = 0.1  # of all frames: a channel that speaks in fewer
 APART = 40  # frames: what is further from the last one is another stretch
-MEDIAN = 0.6745  # of the sizes of normal numbers
+MOST, ITS_SIZE = 0.75, 1.1503  # of the sizes of normal numbers so many are below that
 TRUSTED = 0.3  # frames with less weight than that are left out of the rms: there the twin is not believed
 
 
@@ -44,7 +44,7 @@ def counted(system: System) -> np.ndarray:
 class Left:
     """What a twin leaves of a recording on held-out data: values (channels, n), everything uncertain fitted on the other folds. least (channels,): rms that the
     unit leaves as it stands, or fitted on all folds, whichever is less: what goes so was no gap, though a stretch that alone shows a slope cannot be foretold
-    from the others. Of a channel that speaks briefly, between two loops, no more than most of its frames have: a few in a row are a transient."""
+    from the others. Of a channel that speaks briefly, between two loops, no more than three quarters of its frames have: a few in a row are a transient."""
 
     values: np.ndarray
     least: np.ndarray
@@ -91,9 +91,9 @@ def _is_brief(use: np.ndarray) -> bool:
 
 
 def _lasting(values: np.ndarray, use: np.ndarray) -> float:
-    """rms of the frames in use (n,); where they are few, not more than their median tells."""
+    """rms of the frames in use (n,); where they are few, not more than three quarters of them tell."""
     kept = values[use]
-    return min(_rms(kept), float(np.median(np.abs(kept))) / MEDIAN) if _is_brief(use) else _rms(kept)
+    return min(_rms(kept), float(np.quantile(np.abs(kept), MOST)) / ITS_SIZE) if _is_brief(use) else _rms(kept)
 
 
 def _worth(system: System, channel: int, use: np.ndarray) -> float:
