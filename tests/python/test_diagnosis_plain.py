@@ -70,3 +70,12 @@ def test_what_as_few_laws_do_as_an_effect_has_numbers(parts: dict[str, int], imi
     monkeypatch.setattr(plain, "_laws", lambda found: np.eye(COUNT))
     found = Channels(parts)
     assert plain.imitated(found, found.explanation()) == imitated  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("effect", "imitated"), [("thermal_gradient", {"thermal_gradient"}), ("ageing", set()), ("thermal_hysteresis", set())])
+def test_a_gradient_whose_law_is_bent_may_be_any_difference_of_temperatures(effect: str, imitated: set[str]) -> None:
+    bent = SimpleNamespace(role="form", effect=effect, name="c")
+    found = Channels({effect: 1})
+    straight = found.explanation()
+    assert plain.imitated(found, SimpleNamespace(**{**vars(straight), "unknowns": [*straight.unknowns, bent]})) == imitated  # type: ignore[arg-type]
+    assert plain.imitated(found, straight) == set()  # type: ignore[arg-type]

@@ -21,11 +21,18 @@ LEAST_LENGTH = 1e-3  # of a law, whitened: below it the recording does not show 
 
 BY_DEFINITION = frozenset({"thermal_gradient", "ageing", "thermal_hysteresis"})
 """Effects that are nothing but a law of the bias: whatever obeys it is called so"""
+LATE = frozenset({"thermal_gradient"})
+"""... unless the law is bent: a bias that follows the speed late follows the shell's temperature over that of something else, wherever that is"""
 
 
 def imitated(found: TwinAnalysis, closed: Closed) -> frozenset[str]:
     """Effects of an explanation that as few plain laws do as each has numbers, what is uncertain moving along: all of them, where that is so of them together,
-    and every one of which it is so alone. Not asked of effects that are such a law by definition."""
+    and every one of which it is so alone. Not asked of effects that are such a law by definition; one that has to be bent is not."""
+    bent = frozenset(u.effect for u in closed.unknowns if u.role == "form" and u.effect in LATE)
+    return bent | _as_few(found, closed)
+
+
+def _as_few(found: TwinAnalysis, closed: Closed) -> frozenset[str]:
     if set(closed.support) <= BY_DEFINITION:
         return frozenset()
     laws = _Laws(found)
