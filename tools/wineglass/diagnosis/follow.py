@@ -14,8 +14,7 @@ from wineglass.diagnosis.beside import LARGEST
 from wineglass.diagnosis.changes import Left
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.closure import Closed, NoNumbersError
-from wineglass.diagnosis.explain import Support
-from wineglass.diagnosis.looks import ORDINARY, Look
+from wineglass.diagnosis.looks import ORDINARY, Law, Look, law_of
 from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.system import System
@@ -27,7 +26,8 @@ FAR_OFF = 2.0  # standard deviations
 FOLLOWED, NEARLY_ALL = 3, 3.0  # single effects, until one leaves so little energy per frame in every channel
 QUIET_ENOUGH, STARTS = 1.5, 2  # energy per frame and channel that tolerances may leave; single effects to begin with
 FAR_FROM_RIGHT = 300.0  # energy per frame that an explanation may leave and still be worth another run of the full twin
-LOOKS = 3  # explanations that are followed one after the other
+LOOKS = 4  # explanations that are followed one after the other
+REFUTED = 2.0  # times the energy per frame of the last look: an explanation that leaves so much where it promised less is none
 
 
 def last_look(there: Standing, base: Frames, nominal: Bench, task: Task) -> tuple[Look, Left]:
@@ -59,17 +59,25 @@ def _left(there: Standing, frames: Frames, task: Task) -> tuple[System, Left]:
 
 def _explained(there: Standing, base: Frames, nominal: Bench, task: Task) -> Look:
     """After the best explanations were followed on the full twin."""
-    look, followed = None, set()
+    look, followed = None, set[Law]()
     if float(np.max(standing.energy_left(there, task, base))) >= QUIET_ENOUGH:
         places = [lambda: (there.bench, base), lambda: (nominal, _frames_of(nominal, there, base))]
         look, followed = _from_singles(places, task)
     look = look or looks.look(there.bench, base, task)
     spent = 1 if followed else 0
     while not look.settled and spent < LOOKS and (best := look.promising(followed)) is not None:
-        look = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), task) or look
-        followed.add(best.support)
+        new = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), task)
+        look = _better(look, new, best, any(best.support == support for support, _ in followed))
+        followed.add(law_of(best))
         spent += 1
     return look
+
+
+def _better(look: Look, new: Look | None, followed: Closed, again: bool) -> Look:
+    """The new look, unless the full twin refuses what was followed, or leaves far more than the last one: then that explanation is none, if it is not followed again."""
+    if new is not None and (new.settled or new.least < REFUTED * look.least):
+        return new
+    return look if again else look.without(followed)
 
 
 @dataclass(frozen=True)
@@ -91,7 +99,7 @@ def _frames_of(described: Bench, there: Standing, base: Frames) -> Frames:
     return standing.run(Standing(described)) if far else standing.at_bench(there, base, described)
 
 
-def _from_singles(places: list[Callable[[], tuple[Bench, Frames]]], task: Task) -> tuple[Look | None, set[Support]]:
+def _from_singles(places: list[Callable[[], tuple[Bench, Frames]]], task: Task) -> tuple[Look | None, set[Law]]:
     """The look that leaves least after a single effect was followed on the full twin, and which were. places: units with the full twin's frames there, so that
     what the envelope misses favours none: the unit that the recording asks for, and the described one, because a unit that has taken on a gap hides its cause."""
     starts: list[_Start] = []
@@ -99,13 +107,13 @@ def _from_singles(places: list[Callable[[], tuple[Bench, Frames]]], task: Task) 
         starts.append(start)
         if start.possible and np.max(start.left) < QUIET_ENOUGH:
             break
-    best, followed = None, set[Support]()
+    best, followed = None, set[Law]()
     for start in sorted(starts, key=lambda start: (not start.possible, float(np.sum(start.left)))):
         if len(followed) == FOLLOWED or (best is not None and (best.settled or best.least < NEARLY_ALL)):
             break
-        if start.closed.support in followed:
+        if law_of(start.closed) in followed:
             continue
-        followed.add(start.closed.support)
+        followed.add(law_of(start.closed))
         look = _followed(start.closed, start.standing, task)
         if look is not None and (best is None or look.settled or look.least < best.least):
             best = look

@@ -31,6 +31,14 @@ MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to 
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
 
 
+Law = tuple[Support, frozenset[tuple[str, str]]]
+"""An explanation's effects, and the forms in which their laws are bent."""
+
+
+def law_of(closed: Closed) -> Law:
+    return closed.support, frozenset((u.effect, u.name) for u in closed.unknowns if u.role == "form")
+
+
 @dataclass(frozen=True)
 class Look:
     """All explanations about one bench: base: the twin's frames there without effects; softening (channels,); closed: the best first; settled: the one that
@@ -56,19 +64,25 @@ class Look:
         per_frame = [float(np.max(entry.entry.left / np.maximum(self.system.n_rows, 1))) for entry in self.closed]
         return min(per_frame, default=np.inf)
 
-    def promising(self, followed: set[Support]) -> Closed | None:
-        """What to follow on the full twin next, of what no bound holds back: of all single effects the one that leaves least; then what does better than that;
-        then what leaves far less, because it is only there that it can do better."""
+    def promising(self, followed: set[Law]) -> Closed | None:
+        """What to follow on the full twin next, of what no bound holds back: of all single effects the one that leaves least; then the best of what was followed, if
+        its law has bent since; then what does better; then what leaves far less, because it is only there that it can do better."""
         able = [entry for entry in self.closed if entry.possible and self.over_none(entry) > LOOK_AGAIN]
         if not followed:
             return min(able, key=lambda entry: (len(entry.support), float(np.sum(entry.entry.left))), default=None)
-        so_far = [entry for entry in self.closed if entry.support in followed]
-        most = max((self.over_none(entry) for entry in so_far), default=-np.inf)
-        if able and able[0].support not in followed and self.over_none(able[0]) > most + BETTER:
-            return able[0]
+        supports = {support for support, _ in followed}
+        so_far, new = [entry for entry in self.closed if entry.support in supports], [entry for entry in able if entry.support not in supports]
+        best = max(so_far, key=self.over_none, default=None)
+        if best is not None and best.possible and law_of(best) not in followed:
+            return best
+        if new and (best is None or self.over_none(new[0]) > BETTER + self.over_none(best)):
+            return new[0]
         least = min((self._beyond_noise(entry) for entry in so_far), default=np.inf)
-        far = [entry for entry in able if entry.support not in followed and self._beyond_noise(entry) < FAR_LESS * least]
-        return min(far, key=self._beyond_noise, default=None)
+        return min((entry for entry in new if self._beyond_noise(entry) < FAR_LESS * least), key=self._beyond_noise, default=None)
+
+    def without(self, refuted: Closed) -> Look:
+        """The look where an explanation is none, because the full twin does not bear out what the envelope twin promised of it."""
+        return replace(self, closed=[entry for entry in self.closed if entry.support != refuted.support])
 
     def _beyond_noise(self, closed: Closed) -> float:
         """Energy left."""

@@ -1,0 +1,77 @@
+"""What a look at a recording follows on the full twin next, and how much what is left of a gap counts."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wineglass.diagnosis import follow, looks
+from wineglass.diagnosis.looks import Look, law_of
+
+FRAMES = 1000
+NONE = SimpleNamespace(log_evidence=-50000.0, log_generic=0.0)
+
+
+def closed(*effects: str, nats: float, per_frame: float, bent: str = "", possible: bool = True) -> Any:
+    """nats over no effect; per_frame: energy left, in one channel."""
+    unknowns = [SimpleNamespace(effect=effect, name="a", role="strength") for effect in effects]
+    forms = [SimpleNamespace(effect=bent, name="b", role="form")] if bent else []
+    entry = SimpleNamespace(log_evidence=NONE.log_evidence + nats, log_generic=0.0, left=np.array([per_frame * FRAMES]))
+    return SimpleNamespace(support=tuple(sorted(effects)), unknowns=[*unknowns, *forms], entry=entry, possible=possible)
+
+
+def look(*explanations: Any, settled: bool = False) -> Look:
+    built = SimpleNamespace(n_rows=np.array([FRAMES]))
+    order = sorted(explanations, key=lambda c: -c.entry.log_evidence)
+    return Look(None, None, None, built, None, NONE, order, np.ones(1), settled)  # type: ignore[arg-type]
+
+
+A, B = closed("ageing", nats=900.0, per_frame=100.0), closed("pickoff_gain", nats=800.0, per_frame=90.0)
+BOTH = closed("ageing", "pickoff_gain", nats=950.0, per_frame=2.0)
+
+
+def test_first_the_single_effect_that_leaves_least():
+    assert look(A, B, BOTH).promising(set()) is B
+    assert look(A, closed("pickoff_gain", nats=990.0, per_frame=1.0, possible=False)).promising(set()) is A
+    assert look(closed("ageing", nats=10.0, per_frame=1.0)).promising(set()) is None
+
+
+def test_then_what_does_better():
+    assert look(A, B, BOTH).promising({law_of(A)}) is BOTH
+    assert look(A, B).promising({law_of(A)}) is None
+    assert look(A, B, BOTH).promising({law_of(A), law_of(BOTH)}) is None
+
+
+def test_a_law_that_has_bent_since_is_followed_again_before_anything_is_put_beside_it():
+    bent = closed("ageing", nats=930.0, per_frame=10.0, bent="ageing")
+    assert look(bent, BOTH).promising({law_of(A)}) is bent
+    assert look(bent, BOTH).promising({law_of(A), law_of(bent)}) is BOTH
+
+
+def test_what_leaves_far_less_is_followed_though_it_is_not_worth_more_yet():
+    less = closed("ageing", "vibration", nats=890.0, per_frame=20.0)
+    assert look(A, less).promising({law_of(A)}) is less
+    assert look(A, closed("ageing", "vibration", nats=890.0, per_frame=60.0)).promising({law_of(A)}) is None
+
+
+def test_what_the_full_twin_refutes_is_no_explanation():
+    before = look(A, BOTH)
+    worse, better = look(closed("ageing", "pickoff_gain", nats=950.0, per_frame=1354.0)), look(closed("ageing", "pickoff_gain", nats=950.0, per_frame=1.0))
+    assert follow._better(before, better, BOTH, again=False) is better
+    for refused in (worse, None):
+        assert [c.support for c in follow._better(before, refused, BOTH, again=False).closed] == [A.support]
+        assert follow._better(before, refused, A, again=True) is before
+    settled = look(closed("ageing", nats=1.0, per_frame=1354.0), settled=True)
+    assert follow._better(before, settled, A, again=True) is settled
+
+
+@pytest.mark.parametrize(("before", "after", "low", "high"), [(100.0, 100.0, 0.0, 0.0), (100.0, 1.0, 20.0, 30.0), (1.1, 1.0, 0.0, 1.0), (1e4, 1.0, 40.0, 55.0)])
+def test_what_is_left_counts_by_its_ratio_beyond_the_softening(before: float, after: float, low: float, high: float):
+    """Five nats for every factor e, less what the softening grants, and none of it for less than a floor is known to."""
+    alone, with_more = closed("ageing", nats=900.0, per_frame=before), closed("ageing", "vibration", nats=900.0, per_frame=after)
+    softening = np.array([1.0 + (before - 1.0) * FRAMES / looks.FREEDOM])
+    more = looks._more(with_more, alone, softening, np.array([float(FRAMES)]))
+    assert low <= more <= high
