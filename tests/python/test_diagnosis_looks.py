@@ -46,9 +46,10 @@ def test_then_what_does_better():
 
 
 def test_a_law_that_has_bent_since_is_followed_again_before_anything_is_put_beside_it():
-    bent = closed("ageing", nats=930.0, per_frame=10.0, bent="ageing")
+    bent = closed("ageing", nats=930.0, per_frame=5.0, bent="ageing")
     assert look(bent, BOTH).promising({law_of(A)}) is bent
     assert look(bent, BOTH).promising({law_of(A), law_of(bent)}) is BOTH
+    assert look(closed("ageing", nats=930.0, per_frame=50.0, bent="ageing"), BOTH).promising({law_of(A)}) is BOTH
 
 
 def test_what_leaves_far_less_is_followed_though_it_is_not_worth_more_yet():

@@ -92,6 +92,17 @@ def test_a_loss_that_comes_and_goes_is_found_beside_another_effect(seed):
     assert values[LOSS[0]] == pytest.approx({LOSS[1]: -2.0 * TYPICAL[LOSS], "time_s": 210.1, "lasts_s": 77.0}, rel=0.02), f"seed {seed}"
 
 
+def test_a_loss_that_was_taken_for_one_that_stays_comes_and_goes_instead():
+    for seed in (SEED + 5, SEED + 6):
+        closer = Made(seed).closer([lossy(3.0, 210.1, 77.0)])
+        unknown = Unknown(*LOSS, "strength", 0.0, 0.0, 10.0 * TYPICAL[LOSS], -1.0, 1.0)
+        stays = closer.grown(closer.nothing(), (Variant(LOSS[0], ()),), [unknown], closer.bench.columns[LOSS][None])
+        found = found_beside(closer, stays, LOSS[0])
+        assert found is not None and found.support == (LOSS[0],), f"seed {seed}"
+        assert found.settings[0].values == pytest.approx({LOSS[1]: 3.0 * TYPICAL[LOSS], "time_s": 210.1, "lasts_s": 77.0}, rel=0.02), f"seed {seed}"
+        assert all(one.effect != LOSS[0] for one in stretches.able(found)), f"seed {seed}"
+
+
 def test_nothing_comes_and_goes_in_noise_and_what_always_acts_does_not():
     for seed in range(SEED + 10, SEED + 40):
         closer = Made(seed).closer([])

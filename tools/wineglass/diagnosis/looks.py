@@ -26,6 +26,7 @@ PARTED = 1  # sets of each size that are also tried without each of their effect
 LEAST_EVIDENCE = 4.0  # nats over no effect: a support below that is not closed
 SIMPLE_ENOUGH = 0.15  # share of the gap's amplitude that an explanation may leave and still set what forms are worth
 LOOK_AGAIN, BETTER = 50.0, 3.0  # nats over no effect, and over what was followed, from which on an explanation is followed on the full twin
+NEAR = 10.0  # energy per frame and channel: a bent law that leaves less is worth another run of the full twin
 FAR_LESS = 0.3  # of the energy that what was followed leaves: what leaves less is worth following, too
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
@@ -61,19 +62,22 @@ class Look:
     @property
     def least(self) -> float:
         """Energy per frame in the channel where the best explanation leaves most."""
-        per_frame = [float(np.max(entry.entry.left / np.maximum(self.system.n_rows, 1))) for entry in self.closed]
-        return min(per_frame, default=np.inf)
+        return min((float(np.max(self._per_frame(entry))) for entry in self.closed), default=np.inf)
+
+    def _per_frame(self, closed: Closed) -> np.ndarray:
+        """(channels,): energy left."""
+        return closed.entry.left / np.maximum(self.system.n_rows, 1)
 
     def promising(self, followed: set[Law]) -> Closed | None:
         """What to follow on the full twin next, of what no bound holds back: of all single effects the one that leaves least; then the best of what was followed, if
-        its law has bent since; then what does better; then what leaves far less, because it is only there that it can do better."""
+        its law has bent since and leaves little; then what does better; then what leaves far less, because it is only there that it can do better."""
         able = [entry for entry in self.closed if entry.possible and self.over_none(entry) > LOOK_AGAIN]
         if not followed:
             return min(able, key=lambda entry: (len(entry.support), float(np.sum(entry.entry.left))), default=None)
         supports = {support for support, _ in followed}
         so_far, new = [entry for entry in self.closed if entry.support in supports], [entry for entry in able if entry.support not in supports]
         best = max(so_far, key=self.over_none, default=None)
-        if best is not None and best.possible and law_of(best) not in followed:
+        if best is not None and best.possible and law_of(best) not in followed and np.max(self._per_frame(best)) < NEAR:
             return best
         if new and (best is None or self.over_none(new[0]) > BETTER + self.over_none(best)):
             return new[0]
@@ -133,7 +137,7 @@ def _closed(closer: Closer, counts: dict[str, int], known: tuple[Closed, Standin
 
 def _starts(closer: Closer, able: list[Closed], largest: int, fresh: bool) -> list[Closed]:
     """Explanations beside which something may come and go: none, if nothing was followed yet, and the best few."""
-    few = list({entry.support: entry for entry in able if len(entry.support) < largest}.values())[:MOST_STARTS]
+    few = list({entry.support: entry for entry in able if len(entry.support) <= largest and stretches.able(entry)}.values())[:MOST_STARTS]
     return [closer.nothing(), *few] if fresh else few
 
 

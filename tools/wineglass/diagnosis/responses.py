@@ -270,7 +270,7 @@ def _variants(bench: Bench, effect: effects.Effect) -> list[tuple[dict[str, floa
     if effect.id in POLAR:
         return [({}, [probe for axis in AXES_DEG for probe in _strengths(effect, {"axis_deg": axis})])]
     if effect.id == STAIRS and bench.stairs is not None:
-        shapes = seen_stairs(bench.stairs, bench.unit.device)
+        shapes = stairs_as_seen(bench.stairs, bench.unit.device)
         return [(shape, [("step_degc", Setting(STAIRS, {"step_degc": bench.stairs.step_degc, **shape}), 1.0)]) for shape in shapes]
     if effect.id in _WHOLE:
         return [(shape, [(name, Setting(effect.id, {name: value, **shape}), 1.0)]) for name, value, shape in _WHOLE[effect.id](bench)]
@@ -313,7 +313,7 @@ def _clips(bench: Bench) -> list[Whole]:
     return [*flat, ("loss_fs", min(0.8, 1.0 - 0.75 * amplitude), {"positive_part": COMPRESSED, "negative_part": COMPRESSED})]
 
 
-def seen_stairs(stairs: Steps, unit: Device) -> list[dict[str, float]]:
+def stairs_as_seen(stairs: Steps, unit: Device) -> list[dict[str, float]]:
     """Readings, of which a unit's zero is taken, say where the codes are, but not whether one is held on to."""
     origin_degc = (stairs.offset_degc + unit.electronics.thermometer.zero_degc - unit.resonator.reference_temperature_degc) % stairs.step_degc
     return [{"origin_degc": origin_degc, "dead_band": part} for part in DEAD_BANDS]

@@ -11,7 +11,7 @@ import numpy as np
 from wineglass.device import Device, Tolerance
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.drive import Driven
-from wineglass.diagnosis.responses import MEASURED, STAIRS, Bench, seen_stairs
+from wineglass.diagnosis.responses import MEASURED, STAIRS, Bench, stairs_as_seen
 from wineglass.diagnosis.thermometer_codes import Steps
 from wineglass.diagnosis.unit import FARTHEST
 from wineglass.effects import Setting
@@ -46,7 +46,7 @@ def _best(bench: Bench, recorded: Frames, stairs: Steps, zeros: Iterable[float])
     found = (np.inf, 0.0)
     for zero in zeros:
         truth = bench.unit.device.override({ZERO: float(zero)})
-        for shape in seen_stairs(stairs, truth):
+        for shape in stairs_as_seen(stairs, truth):
             readings = bench.run([Setting(STAIRS, {"step_degc": stairs.step_degc, **shape})], truth=truth)[place]
             found = min(found, (float(np.mean((measured - readings)[use] ** 2)), float(zero)))
     return found[1], float(np.sqrt(found[0]))

@@ -51,15 +51,22 @@ Stretch = tuple[int, int]
 
 
 def beside(closer: Closer, closed: Closed) -> list[Closed]:
-    """The explanation with an effect that comes and goes beside its own, each that leaves little: whatever comes and goes is a bit like four stretches."""
+    """The explanation with an effect that comes and goes beside its others, each that leaves little: whatever comes and goes is a bit like four stretches."""
     found = list[Closed]()
     for switched in SWITCHED:
-        if len(closed.support) < LARGEST and switched.effect not in closed.support and switched.effect in closer.responses.variants:
+        if switched in able(closed) and switched.effect in closer.responses.variants:
             with suppress(NoNumbersError):
-                grown = _with(closer, closed, switched)
+                others = closer.without(closed, switched.effect) if switched.effect in closed.support else closed
+                grown = _with(closer, others, switched)
                 if grown is not None and _excess(closer, grown) < KEPT * _excess(closer, closed):
                     found.append(grown)
     return found
+
+
+def able(closed: Closed) -> list[Switched]:
+    """Effects that could come and go beside an explanation, or in it, if they do not yet."""
+    switching = {u.effect for u in closed.unknowns if any(u.name == lasts for one in SWITCHED for _, lasts in one.ends)}
+    return [one for one in SWITCHED if one.effect not in switching and len({*closed.support, one.effect}) <= LARGEST]
 
 
 def _excess(closer: Closer, closed: Closed) -> float:
