@@ -53,6 +53,31 @@ def pruned(closer: Closer, closed: Closed) -> Closed:
     return closed
 
 
+def thinned(closer: Closer, closed: Closed) -> Closed:
+    """The explanation without the strengths that say nothing, the first one of each effect kept: two effects that do the same are to be told apart by what
+    they do, not by how many numbers their records have."""
+    softening = np.maximum(1.0, _per_frame(closer, closed))
+    for gone in reversed(_beside_the_first(closed)):
+        kept = [i for i in range(len(closed.unknowns)) if i != gone]
+        with suppress(NoNumbersError):
+            less = closer.resume(closed.support, closed.variants, [closed.unknowns[i] for i in kept], closed.values[kept], closed.jacobian[kept])
+            if _evidence(less.products.pooled(softening), less.places) >= _evidence(closed.products.pooled(softening), closed.places):
+                closed = less
+    return closed
+
+
+def _beside_the_first(closed: Closed) -> list[int]:
+    """Places of the strengths of effects that have one before them, and no curve that stands on them."""
+    seen = {u.effect for u in closed.unknowns if u.held}
+    found = []
+    for place, unknown in enumerate(closed.unknowns):
+        if unknown.role == "strength" and unknown.effect in seen and not unknown.held:
+            found.append(place)
+        if unknown.role != "shape":
+            seen.add(unknown.effect)
+    return found
+
+
 def _held(closed: Closed, forms: list[Unknown]) -> list[Unknown]:
     """The explanation's unknowns, those of a polynomial that gets a curve beside it held where they are: a curve can be any polynomial, and together they have no
     best values."""

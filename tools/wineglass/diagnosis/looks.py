@@ -121,7 +121,7 @@ def _closed(closer: Closer, counts: dict[str, int], known: tuple[Closed, Standin
     for entry in _worth_closing(_ranked(closer.table, found), len(found.nuisances)) if largest else []:
         if entry.support not in closed and len(entry.support) <= largest:
             with suppress(NoNumbersError):
-                closed[entry.support] = closer.close(entry)
+                closed[entry.support] = forms.pruned(closer, closer.close(entry))
     own = [closed[known[0].support]] if known is not None else []
     able = _leaving(closer, closed)
     for start in _starts(closer, [*own, *able], largest, known is None) if largest and (able or not closed) else []:
@@ -132,7 +132,7 @@ def _closed(closer: Closer, counts: dict[str, int], known: tuple[Closed, Standin
         if bent is not straight:
             alone = settled or known is None or bent.support != known[0].support
             closed |= _cheapest(closer, closed, _with_one_more(closer, bent, counts, alone))
-    return list(closed.values())
+    return [forms.thinned(closer, entry) for entry in closed.values()] if settled else list(closed.values())
 
 
 def _starts(closer: Closer, able: list[Closed], largest: int, fresh: bool) -> list[Closed]:

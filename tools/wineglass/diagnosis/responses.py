@@ -374,5 +374,10 @@ def _losses(bench: Bench) -> list[dict[str, float]]:
     return [{}, {"losses_stay": 1.0}]
 
 
-_SHAPES: dict[str, Callable[[Bench], list[dict[str, float]]]] = {"damping_step": _step_times, "ageing": _ages, "thermal_hysteresis": _plays,
-                                                                   "frequency_temperature": _losses}
+def _softened(bench: Bench) -> list[dict[str, float]]:
+    """Both modes alike, or the driven one alone, which makes a split of its own."""
+    return [{}, {"on_secondary": 0.0}]
+
+
+_SHAPES: dict[str, Callable[[Bench], list[dict[str, float]]]] = {
+    "damping_step": _step_times, "ageing": _ages, "thermal_hysteresis": _plays, "frequency_temperature": _losses, "amplitude_frequency": _softened}
