@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from wineglass.diagnosis.hypotheses import Hypotheses
-from wineglass.diagnosis.reliability import ALONE, UNKNOWN, tempered
+from wineglass.diagnosis.reliability import ALONE, NO_GAP, UNKNOWN, tempered
 from wineglass.diagnosis.vocabulary import NONE, OTHER
 
 SURE = Hypotheses({("ageing",): 0.98, ("ageing", "vibration"): 0.02, (NONE,): 0.0, (OTHER,): 0.0})
@@ -32,6 +32,15 @@ def test_something_unknown_may_be_what_was_followed() -> None:
     assert tempered(lost, "unknown", [], []).probability[(OTHER,)] == pytest.approx(0.9)  # where nothing was followed nothing is put in its place
 
 
-@pytest.mark.parametrize("verdict", ["no_gap", "ambiguous", "insufficient"])
+def test_tolerances_may_cover_what_is_no_gap() -> None:
+    nothing = Hypotheses({(NONE,): 0.99, ("ageing",): 0.004, (OTHER,): 0.006})
+    found = tempered(nothing, "no_gap", [], [])
+    assert found.none == NO_GAP and whole(found) == pytest.approx(1.0)
+    assert found.probability[(OTHER,)] > found.probability[("ageing",)] == 0.004
+    unsure = Hypotheses({(NONE,): 0.8, (OTHER,): 0.2})
+    assert tempered(unsure, "no_gap", [], []) is unsure
+
+
+@pytest.mark.parametrize("verdict", ["ambiguous", "insufficient"])
 def test_other_answers_stay(verdict: str) -> None:
     assert tempered(SURE, verdict, [("ageing",)], []) is SURE

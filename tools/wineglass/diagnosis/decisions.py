@@ -20,7 +20,7 @@ from wineglass.diagnosis.vocabulary import NONE, OTHER
 
 UNKNOWN_ABOVE = 0.5
 NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of it
-IMITATED = 0.4  # of an explanation that as few plain laws would imitate as it has numbers: that it is something unknown
+IMITATED = 0.33  # of an explanation that as few plain laws would imitate as it has numbers: that it is something unknown
 NEARLY_REMOVED, NEARLY_OF_SEVERAL = 0.93, 0.95  # by a single effect, and by several: what is left may be their own laws'
 NEARLY_OF_TRACED = 0.75  # by an effect that is there anyway: noise, lines, events or codes show it
 MUCH_LEFT = 3.0  # floors: of a large gap nearly all may be removed, and what is left is another effect or the law's own, one as likely as the other
