@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear_bench import LinearBench, ridge, system_of
@@ -72,7 +74,7 @@ def test_noise_and_what_no_form_explains_bend_nothing() -> None:
 
 
 def test_evidence_of_a_bent_law_is_a_density_and_a_prior() -> None:
-    """Against one Gaussian density of all data, the straight part held where it was; a law that bends is ten times less likely beforehand."""
+    """Against one Gaussian density of all data, the straight part held where it was, and tails that are longer; a law that bends is ten times less likely beforehand."""
     made = Made(3)
     data = 3.0 * made.base + made.bump() + made.noise
     closer, straight = made.closed(data)
@@ -80,7 +82,15 @@ def test_evidence_of_a_bent_law_is_a_density_and_a_prior() -> None:
     known = [made.known, REACH * made.base]
     curve = [REACH * made.base * curves.weight(SHELL_DEGC, p.name) for p in made.points]
     gained = [entry.weigh(np.ones(2), 1, {ID: 1}).entry.log_evidence for entry in (straight, found)]
-    assert gained[1] - gained[0] == pytest.approx(density(data - straight.values[0] / made.strength.typical * made.base, [known[0], unknowns.HELD * known[1], *curve]) - density(data, known) + np.log(0.1), abs=0.2)
+    beside = density(data - straight.values[0] / made.strength.typical * made.base, [known[0], unknowns.HELD * known[1], *curve])
+    expected = beside + tails(found) - density(data, known) - tails(straight) + np.log(0.1)
+    assert gained[1] - gained[0] == pytest.approx(expected, abs=0.2)
+
+
+def tails(closed: Closed) -> float:
+    """Nats: half of the squared excess over one standard deviation of every prior."""
+    off = [abs(value - u.middle) / u.spread for u, value in zip(closed.unknowns, closed.values, strict=True)]
+    return float(sum(0.5 * max(0.0, x - 1.0) ** 2 for x in off))
 
 
 def density(data: np.ndarray, columns: list[np.ndarray]) -> float:
@@ -105,3 +115,25 @@ def test_a_bend_that_is_no_longer_needed_is_dropped_and_one_that_is_stays() -> N
     found = forms.pruned(other, again)
     assert found.unknowns == [unknowns.freed(bent.unknowns[0])] and not found.unknowns[0].held
     assert found.values == pytest.approx(alone.values, rel=1e-3)
+
+
+def test_strengths_that_say_nothing_are_left_out_but_never_the_first() -> None:
+    """Of the two strengths of a gain, the second one a slope over temperature."""
+    made, rng = Made(7), np.random.default_rng(7)
+    slope = next(p for p in effects.find(ID).parameters if p.strength and p.name != made.strength.name)
+    sloped = made.base * (SHELL_DEGC - 30.0) / 30.0
+    made.bench.columns[ID, slope.name] = sloped / slope.typical
+    column = Column(ID, Setting(ID, {slope.name: slope.typical}), slope.name, REACH)
+    both = Variant(ID, (1, 2))
+    made.responses = replace(made.responses, columns=(*made.responses.columns, column), values=np.concatenate([made.responses.values, sloped[None]]), variants={ID: [both]})
+    start = Explained((ID,), (both,), 0.0, 0.0, np.zeros(2), np.array([0.0, 1.0 / REACH, 0.0]))
+    for size, left in ((0.0, [made.strength.name]), (2.0, [made.strength.name, slope.name])):
+        for first in (3.0, 0.0):
+            data = first * made.base + size * sloped + rng.standard_normal((2, GRID.count))
+            closer = Closer(made.bench, system_of(GRID, NAMES, data), made.responses, [0, 1])  # type: ignore[arg-type]
+            closed = closer.close(start)
+            assert len(closed.unknowns) == 2
+            thinned = forms.thinned(closer, closed)
+            assert [u.name for u in thinned.unknowns] == left
+            gained = [entry.weigh(np.ones(2), 1, {ID: 1}).entry.log_evidence for entry in (closed, thinned)]
+            assert gained[1] >= gained[0] - 1e-9
