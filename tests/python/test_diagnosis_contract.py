@@ -6,7 +6,7 @@ import re
 import pytest
 from pydantic import ValidationError
 
-from wineglass.diagnosis.contract import Diagnosis
+from wineglass.diagnosis.contract import Diagnosis, Parameter
 from wineglass.diagnosis.vocabulary import COMPONENTS, EFFECTS, STAGES, VERDICTS
 from wineglass.paths import repository_root
 
@@ -81,3 +81,11 @@ def test_the_vocabulary_is_complete():
     assert len(EFFECTS) == 33 and len(STAGES) == 9 and len(VERDICTS) == 5
     assert {e.stage for e in EFFECTS.values()} == set(STAGES)
     assert {e.component for e in EFFECTS.values()} <= set(COMPONENTS)
+
+
+@pytest.mark.parametrize("value, low, high, text", [
+    (1.0, 0.5, 1.5, "1 [0.5, 1.5]"), (1.00000012e-6, 0.99999912e-6, 1.00000112e-6, "1.0000001e-06 [9.9999912e-07, 1.0000011e-06]"), (-3.21, -3.22, -3.2, "-3.21 [-3.22, -3.2]"),
+    (0.0, 0.0, 0.0, "0 [0, 0]"), (1e-9, -1.0, 1.0, "1e-09 [-1, 1]"),
+])
+def test_a_number_has_the_digits_of_its_interval(value, low, high, text):
+    assert Parameter(name="a", value=value, interval=(low, high), unit="s").text == text

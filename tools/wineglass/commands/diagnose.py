@@ -145,7 +145,7 @@ def _print(diagnosis: Diagnosis, args: argparse.Namespace, console: Console) -> 
         console.print(f"  {hypothesis.probability:5.1%}  {' with '.join(hypothesis.ids)}")
     for effect in diagnosis.effects[:3]:
         plain, curve = curves.parted(effect)
-        numbers = [f"{p.name} {p.value:.3g} [{p.interval[0]:.3g}, {p.interval[1]:.3g}] {p.unit}" for p in plain]
+        numbers = [f"{p.name} {p.text} {p.unit}" for p in plain]
         console.print(f"  {effect.id} (confidence {effect.confidence:.2f}): {', '.join([*numbers, *([curve] if curve else [])])}")
     for channel in sorted(diagnosis.shrink.channels, key=lambda c: -c.before / max(c.floor, 1e-300))[:3]:
         line = f"{channel.channel}: {channel.before:.3g} -> {channel.after:.3g} {channel.unit}, floor {channel.floor:.3g}"

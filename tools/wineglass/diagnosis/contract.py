@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -67,6 +68,14 @@ class Parameter(Model):
         if not self.interval[0] <= self.interval[1]:
             raise ValueError("the interval is upside down")
         return self
+
+    @property
+    def text(self) -> str:
+        """Value and interval, with as many digits as show how wide the interval is."""
+        low, high = self.interval
+        largest, width = max(abs(low), abs(high)), high - low
+        digits = 3 if width <= 0.0 else min(15, max(3, 2 + math.ceil(math.log10(max(1.0, largest / width)))))
+        return f"{self.value:.{digits}g} [{low:.{digits}g}, {high:.{digits}g}]"
 
 
 class EffectFound(Model):
