@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from wineglass.diagnosis import decisions, twin_verdict
-from wineglass.diagnosis.decisions import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, MUCH_LEFT, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, SHAKEN, Outcome
+from wineglass.diagnosis.decisions import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, IMITATED, MUCH_LEFT, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, SHAKEN, Outcome
 from wineglass.diagnosis.hypotheses import Hypotheses
 from wineglass.diagnosis.vocabulary import NONE, OTHER
 
@@ -57,7 +57,7 @@ def test_what_nearly_explains_all_may_have_something_beside_it(found: SimpleName
     assert said.verdict == verdict
     if verdict == "ambiguous":
         assert said.named == [("ageing",), ("ageing", OTHER)] and sum(weighed.probability.values()) == pytest.approx(1.0)
-        assert weighed.probability["ageing",] == pytest.approx(0.6 * 0.98) and weighed.probability["ageing", OTHER] == pytest.approx(0.4 * 0.98)
+        assert weighed.probability["ageing",] == pytest.approx((1.0 - IMITATED) * 0.98) and weighed.probability["ageing", OTHER] == pytest.approx(IMITATED * 0.98)
         assert twin_verdict._next(analysis, said).run.startswith("the same protocol again")  # type: ignore[arg-type, union-attr]
 
 
@@ -74,7 +74,7 @@ def test_what_is_left_of_a_large_gap_may_be_something_else(after: float, verdict
     analysis = SimpleNamespace(closed_for=lambda ids: closed("ageing"))
     said, weighed = decisions.held_to_the_gap(analysis, outcome("attributed", "ageing"), certain("ageing"), confirmed(0.999, 3000.0, after), None)  # type: ignore[arg-type]
     assert said.verdict == verdict
-    assert weighed.other == pytest.approx(0.02 if verdict == "attributed" else 0.02 + 0.4 * 0.98)
+    assert weighed.other == pytest.approx(0.02 if verdict == "attributed" else 0.02 + IMITATED * 0.98)
 
 
 @pytest.mark.parametrize(("traces", "verdict"), [((), "ambiguous"), (("pickoff_gain",), "attributed")])
@@ -138,7 +138,7 @@ def test_what_plain_laws_would_imitate_is_not_named_alone(imitable: bool, monkey
     said, weighed = decisions.held_to_imitation(None, outcome("attributed", "ageing"), certain("ageing"), None)  # type: ignore[arg-type]
     assert said.verdict == ("ambiguous" if imitable else "attributed") and said.named[0] == ("ageing",)
     assert ((OTHER,) in said.named) == imitable
-    assert weighed.marginal("ageing") == pytest.approx(0.6 if imitable else 1.0, abs=0.03)
+    assert weighed.marginal("ageing") == pytest.approx(1.0 - IMITATED if imitable else 1.0, abs=0.03)
     both, _ = decisions.held_to_imitation(None, outcome("attributed", "ageing", "pickoff_gain"), certain("ageing", "pickoff_gain"), None)  # type: ignore[arg-type]
     assert both.verdict == said.verdict
     by_line, _ = decisions.held_to_imitation(None, outcome("attributed", "interference"), certain("interference"), noise("interference"))  # type: ignore[arg-type]
@@ -150,7 +150,7 @@ def test_of_a_set_only_what_plain_laws_would_imitate_may_be_something_else(monke
     said, weighed = decisions.held_to_imitation(None, outcome("attributed", "ageing", "drive_misalignment"), certain("ageing", "drive_misalignment"),  # type: ignore[arg-type]
                                                     None)
     assert said.verdict == "ambiguous" and said.named == [("ageing", "drive_misalignment"), ("ageing", OTHER)]
-    assert weighed.probability["ageing", OTHER] == pytest.approx(0.4 * 0.98) and weighed.marginal("ageing") == pytest.approx(0.98)
+    assert weighed.probability["ageing", OTHER] == pytest.approx(IMITATED * 0.98) and weighed.marginal("ageing") == pytest.approx(0.98)
 
 
 def test_what_has_a_trace_of_its_own_stays_named_beside_something_unknown() -> None:
