@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from wineglass.diagnosis import decisions, twin_verdict
-from wineglass.diagnosis.decisions import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, IMITATED, MUCH_LEFT, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, SHAKEN, Outcome
+from wineglass.diagnosis.decisions import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, IMITATED, MUCH_LEFT, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, NONE_BELOW, SHAKEN, Outcome
 from wineglass.diagnosis.hypotheses import Hypotheses
 from wineglass.diagnosis.vocabulary import NONE, OTHER
 
@@ -170,3 +170,10 @@ def test_what_hardly_leaves_anything_has_at_most_something_unknown_beside_it() -
     for left in (confirmed(0.9, after=1.7), confirmed(0.99, after=8.0)):
         said, _ = decisions.held_to_the_gap(None, outcome("unknown", "clock_error"), weighed, left, None)  # type: ignore[arg-type]
         assert said.verdict == "unknown"
+
+
+@pytest.mark.parametrize(("none", "verdict"), [(NONE_BELOW + 0.01, "no_gap"), (NONE_BELOW - 0.01, "attributed")])
+def test_a_gap_is_one_only_where_no_gap_is_unlikely(none: float, verdict: str) -> None:
+    analysis = SimpleNamespace(closed_for=lambda ids: None)
+    weighed = Hypotheses({(NONE,): none, ("flicker_noise",): 1.0 - none, (OTHER,): 0.0})
+    assert decisions.decide(analysis, weighed).verdict == verdict  # type: ignore[arg-type]
