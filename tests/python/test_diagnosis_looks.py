@@ -69,6 +69,21 @@ def test_what_the_full_twin_refutes_is_no_explanation():
     assert follow._better(before, settled, A, again=True) is settled
 
 
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_part_that_is_weighed_the_best_is_run_on_the_full_twin_itself(alone: bool, monkeypatch: pytest.MonkeyPatch):
+    """alone: it leaves no gap there; else it is none, and the whole stands."""
+    part, other = closed("ageing", nats=960.0, per_frame=1.0), closed("vibration", nats=990.0, per_frame=1.0)
+    after, run = look(part, settled=alone), list[Any]()
+    monkeypatch.setattr(follow, "_from", lambda look, closed: None)
+    monkeypatch.setattr(follow, "_followed", lambda closed, start, task: run.append(closed) or after)
+    before = look(part, BOTH, settled=True)
+    found = follow._simpler(before, BOTH.support, None)  # type: ignore[arg-type]
+    assert run == [part] and (found is after if alone else [c.support for c in found.closed] == [BOTH.support])
+    for best in (BOTH, other, closed("ageing", nats=960.0, per_frame=1.0, possible=False)):
+        stays = look(best, settled=True)
+        assert follow._simpler(stays, BOTH.support, None) is stays  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(("before", "after", "low", "high"), [(100.0, 100.0, 0.0, 0.0), (100.0, 1.0, 20.0, 30.0), (1.1, 1.0, 0.0, 1.0), (1e4, 1.0, 40.0, 55.0)])
 def test_what_is_left_counts_by_its_ratio_beyond_the_softening(before: float, after: float, low: float, high: float):
     """Five nats for every factor e, less what the softening grants, and none of it for less than a floor is known to."""

@@ -14,6 +14,7 @@ from wineglass.diagnosis.beside import LARGEST
 from wineglass.diagnosis.changes import Left
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.closure import Closed, NoNumbersError
+from wineglass.diagnosis.explain import Support
 from wineglass.diagnosis.looks import ORDINARY, Law, Look, law_of
 from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.standing import Standing
@@ -64,13 +65,29 @@ def _explained(there: Standing, base: Frames, nominal: Bench, task: Task) -> Loo
         places = [lambda: (there.bench, base), lambda: (nominal, _frames_of(nominal, there, base))]
         look, followed = _from_singles(places, task)
     look = look or looks.look(there.bench, base, task)
-    spent = 1 if followed else 0
+    spent, best = 1 if followed else 0, None
     while not look.settled and spent < LOOKS and (best := look.promising(followed)) is not None:
-        new = _followed(best, Standing(look.bench, best.unknowns, best.values, best.jacobian), task)
+        new = _followed(best, _from(look, best), task)
         look = _better(look, new, best, any(best.support == support for support, _ in followed))
         followed.add(law_of(best))
         spent += 1
+    return _simpler(look, best.support, task) if look.settled and best is not None else look
+
+
+def _simpler(look: Look, settled: Support, task: Task) -> Look:
+    """The look after a part of what left no gap, while that is weighed the best: what has another effect beside it, and all of a large gap to itself, has not
+    been run on the full twin yet. A part that leaves a gap there is none."""
+    while look.closed and (part := look.closed[0]).possible and set(part.support) < set(settled):
+        new = _followed(part, _from(look, part), task)
+        if new is not None and new.settled:
+            look, settled = new, part.support
+        else:
+            look = look.without(part)
     return look
+
+
+def _from(look: Look, closed: Closed) -> Standing:
+    return Standing(look.bench, closed.unknowns, closed.values, closed.jacobian)
 
 
 def _better(look: Look, new: Look | None, followed: Closed, again: bool) -> Look:
