@@ -34,19 +34,6 @@ def test_log_evidence_is_that_of_one_gaussian_density() -> None:
         assert found.log_evidence == pytest.approx(density + N * np.log(2.0 * np.pi), abs=1e-4)
 
 
-def test_a_strength_of_several_times_its_prior_costs_no_more_than_its_size() -> None:
-    """Beyond one standard deviation an exponential tail: against the density of a normal prior, at the strength that is found."""
-    rng = np.random.default_rng(SEED)
-    column = rng.standard_normal((1, 2, N))
-    data = 6.0 * column[0] + rng.standard_normal((2, N))
-    table = system.products(made(rng, data), column)
-    found = explain.explained(table, np.ones(2), 0, [0], (), 0.0)
-    flat, size = column.reshape(1, -1), float(found.coefficients[0])
-    density = multivariate_normal(np.zeros(2 * N), np.eye(2 * N) + flat.T @ flat).logpdf(data.ravel())
-    assert size == pytest.approx(6.0, abs=0.5)
-    assert found.log_evidence - density - N * np.log(2.0 * np.pi) == pytest.approx(0.5 * size**2 - (size - 0.5), abs=1e-4)
-
-
 def test_softening_divides_a_channels_information() -> None:
     rng = np.random.default_rng(SEED)
     columns, data = rng.standard_normal((2, 2, N)), rng.standard_normal((2, N))

@@ -61,17 +61,10 @@ def explained(products: Products, softening: np.ndarray, nuisances: int, columns
     evidence = -0.5 * (float(gram[-1, -1] - gram[:-1, -1] @ coefficients) + log_determinant) + log_prior
     off = np.abs(products.about[:tolerances] + coefficients[:tolerances])
     evidence -= BEYOND * float(np.sum(np.maximum(0.0, off - FARTHEST)))
-    evidence += _of_large(np.abs(products.about[columns] + coefficients[nuisances:]))
     combination = np.append(-coefficients, 1.0)
     generic = sum(_generic(basis[:, [*places, -1]] @ combination, softening[c]) for c, basis in enumerate(products.generic))
     support = tuple(sorted({v.effect for v in variants}))
     return Explained(support, variants, evidence, float(generic), (block @ combination) @ combination, products.about[places] + coefficients)
-
-
-def _of_large(size: np.ndarray) -> float:
-    """Nats that a normal prior takes too much from strengths (k,), in its standard deviations: what is typical is known to a factor, and what is several
-    times that is rare, but no more than e to the minus its size. Solving with the normal one moves such a strength by little."""
-    return float(np.sum(0.5 * np.maximum(0.0, size - 1.0) ** 2))
 
 
 def posterior_mean(gram: np.ndarray, places: list[int]) -> tuple[np.ndarray, float]:
