@@ -12,6 +12,7 @@
 #define LONGEST_STEP      1000 /* slow ticks */
 #define CAREFUL_TICKS     40   /* single ticks after a command */
 #define FARTHEST_TURN_RAD 0.7  /* of the secondary against the primary, or of the test tone, in one step */
+#define MOST_AMPLITUDE_FS 100.0 /* of either mode; no shell rings so far, and what is measured of it says nothing any more */
 
 /* ---- creation ---------------------------------------------------------------------------------------------------------- */
 
@@ -667,9 +668,11 @@ static void begin(struct envelope *e, const struct envelope_profile *profile)
     }
 }
 
-static bool within_bound(const struct envelope *e)
+static int32_t state_of(const struct envelope *e)
 {
-    return e->cfg.most_single_ticks == 0 || e->single_ticks <= e->cfg.most_single_ticks;
+    bool rings = e->motion.amplitude < MOST_AMPLITUDE_FS && phasor_size(e->motion.secondary) < MOST_AMPLITUDE_FS; /* false where either is not a number */
+    bool within = e->cfg.most_single_ticks == 0 || e->single_ticks <= e->cfg.most_single_ticks;
+    return !rings ? TWIN_ERROR_RUNAWAY : within ? TWIN_OK : TWIN_ERROR_LIMITED;
 }
 
 int32_t envelope_run(struct envelope *envelope, const struct envelope_profile *profile, const struct envelope_record *record)
@@ -686,7 +689,7 @@ int32_t envelope_run(struct envelope *envelope, const struct envelope_profile *p
             advance(envelope, first + i, sum);
         }
         write_frame(record, first / envelope->cfg.frame_steps, sum, per_tick);
-        result = within_bound(envelope) ? TWIN_OK : TWIN_ERROR_LIMITED;
+        result = state_of(envelope);
     }
     envelope->profile = NULL;
     return result;

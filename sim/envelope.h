@@ -94,7 +94,7 @@ WG_EXPORT void envelope_destroy(struct envelope *envelope);
 WG_EXPORT void envelope_reset(struct envelope *envelope);
 
 /* Runs profile->n_steps steps, a multiple of frame_steps, from where the last call ended. 0 or a negative enum twin_error;
- * TWIN_ERROR_LIMITED: it ends at the frame where the bound was passed, and only a reset goes on from there. */
+ * TWIN_ERROR_LIMITED, TWIN_ERROR_RUNAWAY: it ends at the frame where the bound was passed, and only a reset goes on from there. */
 WG_EXPORT int32_t envelope_run(struct envelope *envelope, const struct envelope_profile *profile, const struct envelope_record *record);
 
 /* Sample counter of the slow tick that ends step number `step` (0, 1, ...); the first step begins step_ticks slow ticks before the end of

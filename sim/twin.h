@@ -30,7 +30,8 @@ enum twin_error {
     TWIN_ERROR_DEVICE = -6,       /* the device refused its configuration or calibration block */
     TWIN_ERROR_PROFILE = -7,      /* missing array, a value that is not a number, or damping negative at its temperature */
     TWIN_ERROR_EFFECT = -8,       /* unknown effect, a parameter outside its bound, or too many effects */
-    TWIN_ERROR_LIMITED = -9       /* envelope twin: more slow ticks one by one than its configuration allows */
+    TWIN_ERROR_LIMITED = -9,      /* envelope twin: more slow ticks one by one than its configuration allows */
+    TWIN_ERROR_RUNAWAY = -10      /* envelope twin: a mode rings beyond what any shell does */
 };
 
 struct twin;

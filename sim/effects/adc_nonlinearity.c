@@ -61,10 +61,11 @@ static double sign_gain(double amplitude, double noise_fs)
     return size > 0.0 ? TWO_OVER_PI / size : 0.0;
 }
 
+/* There are as many teeth as the converter has segments, however far the shell swings. */
 static double teeth_gain(double amplitude, double noise_fs)
 {
     double gain = 1.0 / TOOTH_FS - sign_gain(amplitude, noise_fs);
-    for (double level = TOOTH_FS; level < amplitude; level += TOOTH_FS) {
+    for (double level = TOOTH_FS; level < amplitude && level < 1.0; level += TOOTH_FS) {
         gain -= 2.0 * jump_gain(level, amplitude);
     }
     return 2.0 * gain;

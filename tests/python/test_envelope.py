@@ -9,6 +9,7 @@ import pytest
 from both_twins import both, case, rms
 
 from wineglass import paths, scenario
+from wineglass.effects import Setting
 from wineglass.envelope import Envelope
 from wineglass.errors import BadInput
 
@@ -238,6 +239,18 @@ def test_a_run_that_needs_more_single_ticks_than_allowed_is_refused_and_one_that
 
 
 # ---- refusals ---------------------------------------------------------------------------------------------------------------
+
+
+def test_a_mode_that_rings_without_bound_is_refused_and_ends():
+    """The drive chases an amplitude that a clipped converter never shows, and strong coupling carries it on."""
+    clipped = Setting("adc_saturation", {"loss_fs": 0.8})
+    coupled = Setting("frequency_split", {"split_hz": -20.0, "curve_20_degc": -12.5, "curve_30_degc": -12.5})
+    toothed = Setting("adc_nonlinearity", {"teeth_fs": -0.005})
+    for settings in ([clipped, toothed], [coupled, toothed]):
+        with Envelope(run_of(duration_s=10.0), frame_ticks=20, effects=settings) as twin:
+            assert np.isfinite(twin.run().channels["drive_level"]).all()
+    with Envelope(run_of(duration_s=100.0), frame_ticks=20, effects=[clipped, coupled, toothed]) as twin, pytest.raises(BadInput, match="rings without bound"):
+        twin.run()
 
 
 def test_commands_that_it_does_not_have_are_refused():

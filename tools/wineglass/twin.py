@@ -39,6 +39,8 @@ _ERRORS = {
          "check the scenario's temperature and rate"),
     -8: ("the effects cannot be simulated", "check their parameters, and switch on fewer at a time"),
     -9: ("the forces stand at their limits for longer than the run allows", "ask for less rate or amplitude, or allow more single ticks"),
+    -10: ("a mode rings without bound: its loop chases what the converter cannot show, or the modes are coupled too strongly for slow ticks",
+          "use smaller effects, or the sampled twin"),
 }
 
 

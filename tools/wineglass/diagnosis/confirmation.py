@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +13,13 @@ from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.explain import posterior_mean
 from wineglass.diagnosis.looks import FREEDOM
+from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.system import FOLDS, Products, products
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.twin_level import TwinAnalysis
 from wineglass.diagnosis.unit import FARTHEST
+from wineglass.effects import Setting
+from wineglass.errors import BadInput
 
 DECIMALS, NOTHING = 0.05, 0.005  # of a value, of its prior's spread: what a linear system may still correct about a run of the full twin
 
@@ -96,7 +100,16 @@ def contributions(found: TwinAnalysis, closed: Closed) -> dict[str, np.ndarray]:
     """(channels, n) whitened: what each effect alone does."""
     if len(closed.support) == 1:
         return {closed.support[0]: found.system.whiten(closed.response)}
-    return {setting.id: found.system.whiten((found.bench.run([setting]) - found.bench.nominal)[found.pick]) for setting in closed.settings}
+    return {setting.id: found.system.whiten(_alone(found.bench, closed, setting)[found.pick]) for setting in closed.settings}
+
+
+def _alone(bench: Bench, closed: Closed, setting: Setting) -> np.ndarray:
+    """(channels, n): what one effect does without the others; where the twin refuses it without them, what it adds to them."""
+    with suppress(BadInput):
+        return bench.tried([setting])
+    with suppress(BadInput):
+        return bench.run(closed.settings) - bench.run([other for other in closed.settings if other is not setting])
+    return np.zeros_like(bench.nominal)
 
 
 def held_out_text(found: TwinAnalysis) -> str:

@@ -16,6 +16,7 @@ from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.responses import Bench
 from wineglass.diagnosis.twin_level import TwinAnalysis
 from wineglass.diagnosis.unknowns import SHAPE_STEP, settings_of
+from wineglass.errors import BadInput
 
 WORDS = {"rate": "rate steps", "chirp": "a rate chirp", "amplitude": "amplitude steps", "ring": "a ring-down with the drive off",
          "test": "forces on the sense axis", "free": "forces on the sense axis with the loop open"}
@@ -34,7 +35,10 @@ def propose(found: TwinAnalysis, first: Closed, second: Closed) -> Proposal:
     run = scenario.prepare(protocols.scenario("full", device=found.driven.run.device, loop=found.driven.run.scenario.mode.loop))
     run = scenario.Run(run.scenario, found.driven.run.device, found.driven.run.truth)
     bench = Bench(replace(found.driven, run=run, temperature_from="chamber_temperature"), _grid(found, run), found.names)
-    left = _difference(found, bench, first, second)
+    try:
+        left = _difference(found, bench, first, second)
+    except BadInput:
+        return Proposal("protocol full", ENOUGH, "there one of the explanations, as it stands, is beyond what the twin can run; a unit would show which")
     per_frame = 0.5 * np.sum(left**2, axis=0)
     energies = _by_kind(run.scenario, bench.grid, per_frame)
     total = float(per_frame.sum())
