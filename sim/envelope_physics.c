@@ -4,6 +4,9 @@
 #include "sim/elementary.h"
 #include "sim/envelope_internal.h"
 
+#define MOST_LOOP     0.6 /* proportional gain of the rebalance loop times its delay; with more it chatters */
+#define LEAST_PICKOFF 0.3 /* gain of the secondary pickoff, below which that loop does not settle on what is read */
+
 /* k^2 - W^2 of both modes: frequency of the primary, distance of the secondary (k2^2 - k1^2) / (2 k1), exact to second order where it
  * matters: the static answer of a mode that is far away. */
 static void take_frequencies(const struct resonator_coefs *c, struct envelope_physics *physics)
@@ -56,6 +59,18 @@ static void take_phases(const struct envelope *e, const struct path_parameters *
     }
 }
 
+/* Under the rebalance loop the secondary rests at zero. Where a converter jumps there, its gain is many times the usual or the opposite of it, and the
+ * loop chatters across the jump until it is blurred to a gain with which it can live: that is what slow signals meet. */
+static void blur_jump(const struct envelope *e, struct envelope_physics *physics)
+{
+    if (e->firmware.loop != GYRO_LOOP_REBALANCE) {
+        return;
+    }
+    double per_gain = fabs(e->firmware.rebalance_kp * physics->push[1][1]) * e->rebalance_delay_s;
+    double most = per_gain > 0.0 ? larger(MOST_LOOP / per_gain, LEAST_PICKOFF) : INFINITY;
+    physics->pickoff[1] = smaller(larger(physics->pickoff[1], LEAST_PICKOFF), most);
+}
+
 void envelope_physics_at(const struct envelope *e, const struct effect_context *now, double rate_rad_s, double rate_dot_rad_s2,
                          struct envelope_physics *physics)
 {
@@ -67,6 +82,7 @@ void envelope_physics_at(const struct envelope *e, const struct effect_context *
     take_frequencies(&p.resonator, physics);
     take_couplings(&p.resonator, e->carrier_gain, physics);
     take_phases(e, &p.path, physics);
+    blur_jump(e, physics);
 }
 
 struct envelope_tables envelope_tables_at(const struct envelope *e, double shift_degc)

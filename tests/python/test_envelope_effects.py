@@ -125,6 +125,19 @@ def test_a_jump_at_zero_is_seen_through_the_converters_noise(name, size_fs, loop
         assert rms(found - true) <= 0.05 * rms(true) + 0.5 * rms(plain), channel
 
 
+@pytest.mark.parametrize("size_fs", [3e-4, -3e-4])
+def test_a_jump_that_noise_does_not_blur_leaves_the_loop_standing(size_fs):
+    """The secondary's gain is many times the usual within the jump, or the opposite: the sampled loop chatters, and neither twin runs away."""
+    plain = {**fields("rebalance", OFF_GRID["adc_nonlinearity"])}
+    plain["override"] = {**plain["override"], "electronics.adc.snr_db": 95.0}
+    fast, slow = both(case(plain, [Setting("adc_nonlinearity", {"sign_step_fs": size_fs})]), START_S)
+    fast0, slow0 = both(case(plain), START_S)
+    kept = calm(len(fast["rate"]))
+    true, found = (smooth(one["drive_level"] - other["drive_level"])[kept] for one, other in ((slow, slow0), (fast, fast0)))
+    assert rms(found - true) <= 0.05 * rms(true)
+    assert rms((fast["secondary_in_phase"] - fast0["secondary_in_phase"])[kept]) < 1e-4 * rms(slow["primary_in_phase"][kept])
+
+
 @pytest.mark.parametrize("loop", ["open", "rebalance"])
 @pytest.mark.parametrize("name", SHAPES)
 def test_both_twins_show_the_same_in_other_shapes(name, loop):

@@ -20,6 +20,11 @@ LEFT = 0.1
 """of a curve's power that taking it out may leave"""
 KNEES = 1.0 - np.geomspace(0.5, 5e-4, 24)
 """of the largest swing: where an amplifier may begin to give way"""
+PRIMARY = "primary_adc_raw"
+FUNDAMENTAL, SEEN = 2.0 / np.pi, 4.0
+"""of a unit jump that a sine passes up and down; deviations of a jump that is there"""
+NEAR_ZERO, LEAST_NEAR = 0.1, 100
+"""FS, samples: where a jump at zero is looked for"""
 SIMPLE = 0.9
 """of what bends at all, that a curve must explain to be believed"""
 
@@ -61,6 +66,25 @@ def _by_level(bursts: list[Burst]) -> tuple[float, float, float]:
     number, total = np.bincount(place), np.bincount(place, rest)
     used = number > 1
     return float(np.sum(rest**2)), float(np.sum(total[used] ** 2 / number[used])), float(0.5 * np.sum(np.log(1.0 + number[used])))
+
+
+def jump_at_zero(bursts: list[Burst]) -> tuple[float, float]:
+    """Of the curve between the levels just below and just above zero [FS], and its deviation: a wrong sign bit, or the teeth of segments."""
+    level, rest = np.concatenate([burst.smooth for burst in bursts]), np.concatenate([burst.bent for burst in bursts])
+    near = np.abs(level) < NEAR_ZERO
+    if np.count_nonzero(near) < LEAST_NEAR:
+        return 0.0, np.inf
+    columns = np.stack([np.ones(int(near.sum())), level[near], np.sign(level[near])], axis=1)
+    found, left = np.linalg.lstsq(columns, rest[near], rcond=None)[:2]
+    variance = float(left[0]) / len(columns) if len(left) else 0.0
+    return 2.0 * float(found[2]), 2.0 * float(np.sqrt(variance * np.linalg.inv(columns.T @ columns)[2, 2]))
+
+
+def unread_fs(bursts: list[Burst]) -> float:
+    """FS: amplitude at which a jump back at zero takes all that is there from the fundamental, so that a loop that wants to read nothing may rest there; 0
+    without one. Of the primary's converter: the two are alike, and the secondary's hides its own."""
+    jump_fs, deviation_fs = jump_at_zero([burst for burst in bursts if burst.channel == PRIMARY])
+    return -FUNDAMENTAL * jump_fs if jump_fs < -SEEN * deviation_fs else 0.0
 
 
 def giving_way(bursts: list[Burst]) -> float:

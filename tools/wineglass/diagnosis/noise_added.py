@@ -27,6 +27,8 @@ IN_PHASE = {"jitter_s": 0.25, "slow_jitter_s": 0.0}
 LONGEST_S = 4000.0
 """a wander's covariance takes what is slower as no stronger"""
 ALIKE = {"rate_uncompensated": RATE}
+UNREAD, UNREAD_S = "unread_fs", 20.0
+"""FS, s: how far from zero a secondary held by its loop may rest where its converter jumps back at zero, and how long it stays in one place"""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,17 @@ class Added:
             found += self.strengths.get("secondary_fs", 0.0) ** 2 * model.of_white(name)
         if name in (SECONDARY[0], FORCES[0], RATE):
             found += model.of_rate(name, self.wander_psd)
+        if UNREAD in self.strengths and model.loop == "rebalance" and name in (*FORCES, RATE):
+            found += model.of_rate(FORCES[0] if name in FORCES else name, lambda f: self._unread_psd(model, f))
         return found
+
+    def _unread_psd(self, model: FloorModel, freq_hz: np.ndarray) -> np.ndarray:
+        """One-sided [(rad/s)^2/Hz] of the rate that does to the loop's force what the secondary's rest away from zero does: it decays and turns there, in
+        a direction that hangs on where the samples lie on the cycle."""
+        resonator = model.device.resonator
+        pole = math.hypot(float(resonator.decay_rate_at(resonator.reference_temperature_degc)), math.pi * resonator.split_hz)
+        rate_rad_s = 2.0 * pole * self.strengths[UNREAD] / (resonator.angular_gain * model.calibration.amplitude_set_point_fs)
+        return np.asarray(4.0 * rate_rad_s**2 * UNREAD_S / (1.0 + (2.0 * math.pi * UNREAD_S * freq_hz) ** 2))
 
     def _on_primary(self, model: FloorModel, in_phase: bool) -> float:
         """Variance per sample [FS^2] as one quadrature sees it."""

@@ -17,7 +17,7 @@ import numpy as np
 from wineglass import device as devices
 from wineglass.calibration_block import Calibration, from_binary
 from wineglass.device import Device
-from wineglass.diagnosis import noise_added, noise_events, noise_floor, noise_lines, noise_spectra, noise_trend, noise_windows, output_check, raw_codes, replay, thermometer_codes
+from wineglass.diagnosis import curve_of_codes, noise_added, noise_events, noise_floor, noise_lines, noise_spectra, noise_trend, noise_windows, output_check, raw_codes, replay, thermometer_codes
 from wineglass.diagnosis.noise_events import Events
 from wineglass.diagnosis.noise_floor import FORCES, PRIMARY, RATE, SECONDARY, FloorModel, Pickoff
 from wineglass.diagnosis.noise_lines import Lines
@@ -86,7 +86,9 @@ class NoiseEvidence:
 
     def added(self, effects: frozenset[str]) -> noise_added.Added:
         """What these effects' noise, as strong as the spectra say, does to slow channels: densities for their floors, and the bias' own wander."""
-        return noise_added.of(self.spectral.estimates if self.spectral is not None else {}, effects)
+        added = noise_added.of(self.spectral.estimates if self.spectral is not None else {}, effects)
+        unread_fs = curve_of_codes.unread_fs(self.raw.bursts) if self.raw is not None and "adc_nonlinearity" in effects else 0.0
+        return replace(added, strengths={**added.strengths, noise_added.UNREAD: unread_fs}) if unread_fs > 0.0 else added
 
     def disturbed_s(self, decay_per_s: float) -> list[tuple[float, float]]:
         """Spans in which single events shake slow channels, or may do so unseen: a wrong sample misleads the loops, a jump of phase moves the shell until it
