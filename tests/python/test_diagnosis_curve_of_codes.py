@@ -45,12 +45,11 @@ def test_a_jump_at_zero_is_read_from_the_codes_and_a_bend_is_none(recorded, name
 
 def test_where_the_secondary_rests_unread_its_loop_pushes_as_much_as_the_floor_grants(recorded):
     """At ten samples a cycle the place stays as it is; where samples walk along the cycle it changes, and its mean is less."""
-    teeth = Setting("adc_nonlinearity", {"teeth_fs": 4e-4})
+    teeth, unread = Setting("adc_nonlinearity", {"teeth_fs": 4e-4}), 2.0 / np.pi * 8e-4
     with Recording.open(recorded("with", [teeth], 5000.0)) as recording, Recording.open(recorded("without", [], 5000.0)) as quiet:
         device, calibration = devices.loads(recording.device_toml), from_binary(recording.calibration_block)
         first = np.searchsorted(recording.tap("baseband").time_s, 12.0)
         moved = [float(np.mean(recording.tap("baseband")[name][first:] - quiet.tap("baseband")[name][first:])) for name in noise_added.FORCES]
-        unread = curve_of_codes.unread_fs(raw_codes.examine(recording, device).bursts)
     density = noise_added.Added({noise_added.UNREAD: unread}).densities(device, calibration, "rebalance", FRAME_S, noise_added.FORCES, FREQ_HZ)
     granted = np.sqrt(np.trapezoid(density, FREQ_HZ, axis=1))
     assert granted[0] == granted[1]
