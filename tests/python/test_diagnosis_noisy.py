@@ -111,9 +111,9 @@ def test_the_shell_is_given_its_own_time_to_decay() -> None:
 
 def test_where_nearly_all_is_shaken_nothing_is_left() -> None:
     recorded = frames(first=0, count=200)
-    some = noisy.undisturbed(recorded, driven(), evidence((0.0, 0.75 * 50.0)))
+    some = noisy.undisturbed(recorded, driven(), evidence((0.0, 0.9 * 50.0)))
     assert np.any(some.use)
-    assert not np.any(noisy.undisturbed(recorded, driven(), evidence((0.0, 0.85 * 50.0))).use)
+    assert not np.any(noisy.undisturbed(recorded, driven(), evidence((0.0, 0.95 * 50.0))).use)
 
 
 def named(*lines: object) -> SimpleNamespace:

@@ -21,7 +21,7 @@ BENT = frozenset({"adc_nonlinearity", "adc_saturation"})
 """Converters that bend: their harmonics beat with the sampling clock in whatever stands still otherwise, and no envelope knows the phase"""
 SLOW_HZ = (0.01, 0.1)  # where a wander of the bias is compared with the described floor
 FED = ("secondary_", "rebalance_", "rate", "quadrature")
-MOST_MASKED = 0.8  # of all frames; what is left beyond that says nothing
+MOST_MASKED = 0.93  # of all frames; what is left beyond that says nothing
 
 
 def device_with(driven: Driven, added: Added) -> Driven:
@@ -54,7 +54,7 @@ def unseen_bends(named: frozenset[str]) -> frozenset[str]:
 
 def with_beats(recorded: Frames) -> Frames:
     """Whatever changes from frame to frame is noise of a converter that bends."""
-    return replace(recorded, shaken=True)
+    return replace(recorded, beating=True)
 
 
 def without_beats(recorded: Frames, recording: Source, noise: NoiseEvidence) -> Frames:
