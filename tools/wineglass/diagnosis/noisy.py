@@ -54,12 +54,12 @@ def unseen_bends(named: frozenset[str]) -> frozenset[str]:
 
 def with_beats(recorded: Frames) -> Frames:
     """Whatever changes from frame to frame is noise of a converter that bends."""
-    return replace(recorded, beating=True)
+    return replace(recorded, beating=frozenset(recorded.names))
 
 
 def without_beats(recorded: Frames, recording: Source, noise: NoiseEvidence) -> Frames:
     """A tone, and a line of the mount, beat in whatever the secondary pickoff feeds, slowly enough for frames, and drift as the shell does. The line is taken
-    out before the means; a channel in which that cannot be done is not used."""
+    out before the means; a channel in which that cannot be done is not used. What is left of it where a loop was open for a short while is noise."""
     lines = [line for line in (noise.lines.clear if noise.lines is not None else []) if line.kind in BEATING & frozenset(noise.named)]
     fed = [name for name in recorded.names if name.startswith(FED)]
     freed = tones.without(recorded, recording, lines, fed) if lines else {}
@@ -71,4 +71,4 @@ def without_beats(recorded: Frames, recording: Source, noise: NoiseEvidence) -> 
             use[i] &= sound
         else:
             use[i] = False
-    return replace(recorded, values=values, use=use)
+    return replace(recorded, values=values, use=use, beating=recorded.beating | frozenset(fed))

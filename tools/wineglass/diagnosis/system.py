@@ -18,6 +18,7 @@ from wineglass.diagnosis.floors import SHORT_ORDER, Floor
 FOLDS = 5
 LEAST_NOISE, MOST_NOISE = 0.8, 2.2  # of the described floor: twice the noise is no gap of the means; more may be one that moves fast
 MOST_SHAKEN, TAIL = 50.0, 0.9  # where single events shake the shell, or harmonics beat: one frame in ten says how much
+ENOUGH, FEW = 20, 8  # changes that say how large noise is; where it surely is more than described
 WILD, MOST_WILD = 6.0, 0.3  # of what changes usually, and of the frames: beyond that, it is what this recording is like
 MOVING = 5e-4  # of the change from frame to frame of the secondary: so far the twins are believed to follow what moves fast
 LOSSES = 1.5  # floors of the losses: so much of their flicker is faster than what wanders
@@ -62,7 +63,7 @@ class System:
         for i, row in enumerate(left):
             use = self.weight[i] > 0.5
             change = np.diff(row)[use[1:] & use[:-1]]
-            sizes.append(spread(change) if len(change) > 20 else 1.0)
+            sizes.append(spread(change) if len(change) > ENOUGH else 1.0)
         return np.array(sizes)
 
     @property
@@ -85,15 +86,15 @@ def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], 
     grid = recorded.grid
     difference = np.array([recorded[name] - base[name] for name in names])
     use = np.array([recorded.use[recorded.names.index(n)] & base.use[base.names.index(n)] for n in names])
-    restless = recorded.shaken or recorded.beating
-    floor = _unbalanced(floor, names) if restless else floor
+    restless = frozenset(names) if recorded.shaken else recorded.beating
+    floor = _unbalanced(floor, names) if restless.issuperset(BALANCED) else floor
     weight = use * _trust(base, names, floor, jumps, losses)
     for name in (n for n in names if n in BALANCED):
         place = names.index(name)
         weight[place] /= 1.0 + UNBALANCED * _after(~use[place] if recorded.bridged is None else ~use[place] | recorded.bridged)
     if recorded.shaken:
         weight = _without_shakes(floor, weight, difference)
-    empty = System(grid, names, _scaled(floor, weight, difference, restless), weight, _folds(grid, edges_s, aside), (), difference)
+    empty = System(grid, names, _scaled(floor, weight, difference, [name in restless for name in names]), weight, _folds(grid, edges_s, aside), (), difference)
     basis = tuple(np.zeros((grid.count, 0)) if regressors is None else _basis(empty, i, regressors) for i in range(len(names)))
     return replace(empty, basis=basis, data=empty.whiten(difference))
 
@@ -111,7 +112,7 @@ def _without_shakes(floor: Floor, weight: np.ndarray, difference: np.ndarray) ->
         use = weight[i] > 0.5
         change = np.diff(floor.whiten(i, _bridged(row, weight[i] > 0)))
         both = use[1:] & use[:-1]
-        if np.count_nonzero(both) <= 20:
+        if np.count_nonzero(both) <= ENOUGH:
             continue
         wild = both & (np.abs(change) > WILD * spread(change[both]))
         shaken = np.append(wild, False) | np.insert(wild, 0, False)
@@ -126,14 +127,15 @@ def _bridged(row: np.ndarray, use: np.ndarray) -> np.ndarray:
     return np.interp(frames, frames[use], row[use]) if use.any() else np.zeros(len(row))
 
 
-def _scaled(floor: Floor, weight: np.ndarray, difference: np.ndarray, restless: bool) -> Floor:
+def _scaled(floor: Floor, weight: np.ndarray, difference: np.ndarray, restless: list[bool]) -> Floor:
     """The floor as large as the recording's own fastest changes show it: how much noise there is, is another question than what moves."""
-    factors, (most, part) = [], (MOST_SHAKEN, TAIL) if restless else (MOST_NOISE, 0.5)
+    factors = []
     for i, row in enumerate(difference):
-        use = weight[i] > 0.5
-        white = floor.whiten(i, _bridged(row, weight[i] > 0) if restless else np.where(weight[i] > 0, row, 0.0))
+        most, part, least = (MOST_SHAKEN, TAIL, FEW) if restless[i] else (MOST_NOISE, 0.5, ENOUGH)
+        use = weight[i] > (0.0 if restless[i] else 0.5)
+        white = floor.whiten(i, _bridged(row, weight[i] > 0) if restless[i] else np.where(weight[i] > 0, row, 0.0))
         change = np.diff(white)[use[1:] & use[:-1]]
-        factors.append(min(most, max(LEAST_NOISE, spread(change, part))) if len(change) > 20 else 1.0)
+        factors.append(min(most, max(LEAST_NOISE, spread(change, part))) if len(change) > least else 1.0)
     return Floor(floor.rms * factors, floor.innovation * factors, floor.coefficients)
 
 
