@@ -33,7 +33,8 @@ from wineglass.scenario import Run
 EFFECTS = ("excess_noise", "flicker_noise", "clock_jitter", "dropped_samples", "interference", "vibration", "thermometer_quantisation",
            "adc_saturation", "adc_nonlinearity", "firmware_mismatch")
 OTHER = "other"
-LARGEST_SUPPORT = 2
+LARGEST_SUPPORT, LARGEST_BROADBAND = 3, 2
+"""effects in a set, and among them those that raise the noise"""
 ENOUGH = 100.0
 """nats: beyond this certainty is certainty, and sums stay comparable"""
 SURE = 6.0
@@ -58,7 +59,7 @@ Parameter = tuple[str, float, tuple[float, float], str]
 
 @dataclass(frozen=True)
 class NoiseEvidence:
-    """log_evidence: of each set of up to two effects (and "other") against none, likelihood only; where: stage, channel, component, ratio over the floor,
+    """log_evidence: of each set of up to three effects (or "other") against none, likelihood only; where: stage, channel, component, ratio over the floor,
     region"""
 
     log_evidence: dict[frozenset[str], float]
@@ -314,7 +315,8 @@ class _Looks:
 
     def log_evidence(self) -> dict[frozenset[str], float]:
         names = (*EFFECTS, OTHER)
-        return {frozenset(chosen): self._of(frozenset(chosen)) for size in range(LARGEST_SUPPORT + 1) for chosen in combinations(names, size)}
+        sets = [frozenset(chosen) for size in range(LARGEST_SUPPORT + 1) for chosen in combinations(names, size)]
+        return {chosen: self._of(chosen) for chosen in sets if len(chosen & frozenset(noise_spectra.EFFECTS)) <= LARGEST_BROADBAND}
 
     def _of(self, chosen: frozenset[str]) -> float:
         if not chosen:
