@@ -61,8 +61,7 @@ class System:
         """(channels,): size of the noise in a whitened residual (channels, n), in floors."""
         sizes = []
         for i, row in enumerate(left):
-            use = self.weight[i] > 0.5
-            change = np.diff(row)[use[1:] & use[:-1]]
+            change = _changes(row, self.weight[i] > 0.5)
             sizes.append(spread(change) if len(change) > ENOUGH else 1.0)
         return np.array(sizes)
 
@@ -131,12 +130,19 @@ def _scaled(floor: Floor, weight: np.ndarray, difference: np.ndarray, restless: 
     """The floor as large as the recording's own fastest changes show it: how much noise there is, is another question than what moves."""
     factors = []
     for i, row in enumerate(difference):
-        most, part, least = (MOST_SHAKEN, TAIL, FEW) if restless[i] else (MOST_NOISE, 0.5, ENOUGH)
-        use = weight[i] > (0.0 if restless[i] else 0.5)
-        white = floor.whiten(i, _bridged(row, weight[i] > 0) if restless[i] else np.where(weight[i] > 0, row, 0.0))
-        change = np.diff(white)[use[1:] & use[:-1]]
+        used = weight[i] > 0
+        white = floor.whiten(i, _bridged(row, used) if restless[i] else np.where(used, row, 0.0))
+        change, least = _changes(white, weight[i] > 0.5), ENOUGH
+        if restless[i] and len(change) <= ENOUGH:  # a loop that was open for a short while: what settles tells it, too
+            change, least = _changes(white, used), FEW
+        most, part = (MOST_SHAKEN, TAIL) if restless[i] else (MOST_NOISE, 0.5)
         factors.append(min(most, max(LEAST_NOISE, spread(change, part))) if len(change) > least else 1.0)
     return Floor(floor.rms * factors, floor.innovation * factors, floor.coefficients)
+
+
+def _changes(white: np.ndarray, use: np.ndarray) -> np.ndarray:
+    """From frame to frame, of neighbours that are both used."""
+    return np.diff(white)[use[1:] & use[:-1]]
 
 
 def spread(change: np.ndarray, part: float = 0.5) -> float:
