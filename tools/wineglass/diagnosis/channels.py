@@ -43,7 +43,7 @@ class Grid:
 @dataclass(frozen=True)
 class Frames:
     """values (channels, n); use (channels, n): the mean is sound; bridged (n,): lost samples are in it, None: nowhere; shaken: single events shake
-    the shell again and again; beating: channels in which lines or harmonics beat with the sampling clock."""
+    the shell again and again; beating: harmonics beat with the sampling clock; freed: channels from which lines that beat were taken out."""
 
     grid: Grid
     names: tuple[str, ...]
@@ -51,7 +51,8 @@ class Frames:
     use: np.ndarray
     bridged: np.ndarray | None = None
     shaken: bool = False
-    beating: frozenset[str] = frozenset()
+    beating: bool = False
+    freed: frozenset[str] = frozenset()
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.values[self.names.index(name)]

@@ -54,7 +54,7 @@ def unseen_bends(named: frozenset[str]) -> frozenset[str]:
 
 def with_beats(recorded: Frames) -> Frames:
     """Whatever changes from frame to frame is noise of a converter that bends."""
-    return replace(recorded, beating=frozenset(recorded.names))
+    return replace(recorded, beating=True)
 
 
 def without_beats(recorded: Frames, recording: Source, noise: NoiseEvidence) -> Frames:
@@ -71,4 +71,4 @@ def without_beats(recorded: Frames, recording: Source, noise: NoiseEvidence) -> 
             use[i] &= sound
         else:
             use[i] = False
-    return replace(recorded, values=values, use=use, beating=recorded.beating | frozenset(fed))
+    return replace(recorded, values=values, use=use, freed=frozenset(fed))
