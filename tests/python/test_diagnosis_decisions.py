@@ -9,6 +9,7 @@ import pytest
 from wineglass.diagnosis import decisions, twin_verdict
 from wineglass.diagnosis.decisions import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, IMITATED, MUCH_LEFT, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, NONE_BELOW, SHAKEN, Outcome
 from wineglass.diagnosis.hypotheses import Hypotheses
+from wineglass.diagnosis.noisy import FLICKER
 from wineglass.diagnosis.vocabulary import NONE, OTHER
 
 
@@ -177,3 +178,21 @@ def test_a_gap_is_one_only_where_no_gap_is_unlikely(none: float, verdict: str) -
     analysis = SimpleNamespace(closed_for=lambda ids: None)
     weighed = Hypotheses({(NONE,): none, ("flicker_noise",): 1.0 - none, (OTHER,): 0.0})
     assert decisions.decide(analysis, weighed).verdict == verdict  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("channel", "followed", "named", "catalogue", "verdict"), [
+    ("rate", (), (), {FLICKER}, "ambiguous"), ("secondary_in_phase", (), (), {FLICKER, "ageing"}, "ambiguous"), ("drive_level", (), (), {FLICKER}, "unknown"),
+    ("rate", ("ageing",), (), {FLICKER}, "unknown"), ("rate", (), ("clock_jitter",), {FLICKER}, "unknown"), ("rate", (), (), {"clock_jitter"}, "unknown")])
+def test_where_no_law_was_worth_following_a_bias_may_wander(channel: str, followed: tuple[str, ...], named: tuple[str, ...], catalogue: set[str], verdict: str) -> None:
+    """catalogue: what noise was asked for."""
+    found = SimpleNamespace(closed=[closed(*followed)] if followed else [], closed_for=lambda ids: None)
+    changes = [SimpleNamespace(channel=channel, fraction=0.0), SimpleNamespace(channel="drive_frequency", fraction=None)]
+    traces = SimpleNamespace(named=list(named), log_evidence={frozenset({effect}): 0.0 for effect in catalogue})
+    lost = Hypotheses({(NONE,): 0.0, (OTHER,): 0.9, ("ageing",): 0.1})
+    said, weighed = decisions.wanders_or_unknown(found, Outcome("unknown", [], None), lost, SimpleNamespace(changes=changes), traces)  # type: ignore[arg-type]
+    assert said.verdict == verdict and sum(weighed.probability.values()) == pytest.approx(1.0)
+    if verdict == "ambiguous":
+        assert said.named == [(FLICKER,), (OTHER,)] and weighed.marginal(FLICKER) == pytest.approx(0.45)
+        assert "does not repeat" in twin_verdict._next(found, said).why  # type: ignore[arg-type, union-attr]
+    else:
+        assert weighed is lost

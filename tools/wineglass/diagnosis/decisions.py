@@ -15,11 +15,13 @@ from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.confirmation import Confirmed
 from wineglass.diagnosis.hypotheses import SETTLED, Hypotheses, Ids
 from wineglass.diagnosis.noise_level import NoiseEvidence
+from wineglass.diagnosis.noisy import FED, FLICKER
 from wineglass.diagnosis.twin_level import TwinAnalysis
 from wineglass.diagnosis.vocabulary import NONE, OTHER
 
 UNKNOWN_ABOVE = 0.5
 NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of it
+WANDERS = 0.5  # that what nothing foretells is a bias that wanders: one is as likely as the other
 IMITATED = 0.33  # of an explanation that as few plain laws would imitate as it has numbers: that it is something unknown
 NEARLY_REMOVED, NEARLY_OF_SEVERAL = 0.93, 0.95  # by a single effect, and by several: what is left may be their own laws'
 NEARLY_OF_TRACED = 0.75  # by an effect that is there anyway: noise, lines, events or codes show it
@@ -62,6 +64,7 @@ def decide(found: TwinAnalysis, weighed: Hypotheses) -> Outcome:
 
 
 Answer = tuple[Outcome, Hypotheses]
+WANDERS_OR_UNKNOWN: list[Ids] = [(FLICKER,), (OTHER,)]
 
 
 def traced(noise: NoiseEvidence | None) -> frozenset[str]:
@@ -213,9 +216,18 @@ def beside_unknown(outcome: Outcome, weighed: Hypotheses, removed: float | None,
     them, and named if that is most likely. What noise, lines, events or codes have named stands without that, but for a bias that wanders."""
     if outcome.verdict != "unknown" or removed is None:
         return outcome, weighed
-    surely = traced(noise) - {"flicker_noise"}
+    surely = traced(noise) - {FLICKER}
     several = max(1, len(set(outcome.named[0]) - surely - {OTHER})) if outcome.named else 1
     weighed = hypotheses.doubted(weighed, surely, min(1.0, max(0.0, removed)) ** (2 * several**2))
     named = tuple(e for e in (outcome.named[0] if outcome.named else ()) if weighed.marginal(e) > NAMED_BESIDE)
     chosen = outcome.chosen if outcome.chosen is not None and set(named) & set(outcome.chosen.support) else None
     return Outcome("unknown", [named] if named else [], chosen), weighed
+
+
+def wanders_or_unknown(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses, confirmed: Confirmed, noise: NoiseEvidence | None) -> Answer:
+    """Where no law of the catalogue was worth following and the gap is where a bias shows, the bias may only wander, too slowly for quiet windows."""
+    gaps = [change.channel for change in confirmed.changes if change.fraction is not None]
+    able = noise is not None and not noise.named and any(FLICKER in chosen for chosen in noise.log_evidence)
+    if outcome.verdict != "unknown" or found.closed or not able or not gaps or not all(name.startswith(FED) for name in gaps):
+        return outcome, weighed
+    return Outcome("ambiguous", WANDERS_OR_UNKNOWN, None), hypotheses.shared_with(weighed, FLICKER, WANDERS)

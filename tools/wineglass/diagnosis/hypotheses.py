@@ -116,6 +116,14 @@ def shared_with_other(found: Hypotheses, effects: frozenset[str], share: float) 
     return Hypotheses(kept)
 
 
+def shared_with(found: Hypotheses, effect: str, share: float) -> Hypotheses:
+    """Of something unknown alone this share as an effect."""
+    kept, unknown = dict(found.probability), found.probability.get((OTHER,), 0.0)
+    kept[(OTHER,)] = (1.0 - share) * unknown
+    kept[(effect,)] = kept.get((effect,), 0.0) + share * unknown
+    return Hypotheses(kept)
+
+
 def doubted(found: Hypotheses, traced: frozenset[str], believed: float) -> Hypotheses:
     """Of every set with something unknown in it, effects without a trace of their own are believed to this share."""
     kept: dict[Ids, float] = {(NONE,): 0.0, (OTHER,): 0.0}

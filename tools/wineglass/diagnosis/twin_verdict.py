@@ -67,7 +67,7 @@ def diagnose(found: TwinAnalysis, weighed: Hypotheses, noise: NoiseEvidence | No
     believed, weighed = decisions.beside_unknown(outcome, weighed, removed, noise)
     if outcome.chosen is not None and believed.chosen is None:
         confirmed = confirmation.confirm(found, None)
-    outcome = believed
+    outcome, weighed = decisions.wanders_or_unknown(found, believed, weighed, confirmed, noise)
     weighed = reliability.tempered(weighed, outcome.verdict, outcome.named, [closed.support for closed in found.closed])
     listed = _hypotheses(weighed)
     named = _effects(found, outcome, confirmed, listed, noise)
@@ -235,6 +235,9 @@ def _next(found: TwinAnalysis, outcome: Outcome) -> NextExperiment | None:
     if _with_or_without_other(outcome.named):
         return NextExperiment(run="the same protocol again, without a change", separates=names, predicted_separation=None,
                               why="what is left and repeats belongs to the effect's law; what does not is something else")
+    if outcome.named == decisions.WANDERS_OR_UNKNOWN:
+        return NextExperiment(run="the same protocol again, without a change", separates=names, predicted_separation=None,
+                              why="what repeats obeys a law that is not in the catalogue; a bias that wanders does not repeat")
     if len(pair) < 2:
         return NextExperiment(run="the protocol full", separates=names, predicted_separation=None, why="it excites every stage")
     proposal = menu.propose(found, pair[0], pair[1])
