@@ -9,8 +9,7 @@ import pytest
 from wineglass.diagnosis import decisions, twin_verdict
 from wineglass.diagnosis.decisions import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, IMITATED, MUCH_LEFT, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, NONE_BELOW, SHAKEN, Outcome
 from wineglass.diagnosis.hypotheses import Hypotheses
-from wineglass.diagnosis.noisy import FLICKER
-from wineglass.diagnosis.vocabulary import NONE, OTHER
+from wineglass.diagnosis.vocabulary import FLICKER, NONE, OTHER
 
 
 def closed(*support: str) -> SimpleNamespace:

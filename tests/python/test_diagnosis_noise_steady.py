@@ -50,6 +50,35 @@ def test_jumps_in_a_few_windows_are_no_noise(seed):
     assert goes(jumps + 0.3 * rng.standard_normal(COUNT * LENGTH))
 
 
+def switching(rng, dwell_s, n=COUNT * LENGTH):
+    """Two values by turns, as long as the last one by chance."""
+    return np.cumsum(rng.uniform(size=n) < 1.0 / (dwell_s * RATE_HZ)) % 2 * 2.0 - 1.0
+
+
+@pytest.mark.parametrize("seed", range(SEED, SEED + 5))
+@pytest.mark.parametrize("dwell_s", [1.0, 3.0, 12.0])
+def test_a_bias_that_switches_is_no_noise(seed, dwell_s):
+    rng = np.random.default_rng(seed)
+    assert noise_spectra.switches(windows_of(), switching(rng, dwell_s) + 0.5 * rng.standard_normal(COUNT * LENGTH))
+
+
+@pytest.mark.parametrize("seed", range(SEED, SEED + 20))
+def test_noise_of_any_colour_does_not_switch_nor_does_a_single_step(seed):
+    rng = np.random.default_rng(seed)
+    white = rng.standard_normal(COUNT * LENGTH)
+    step = 50.0 * (np.arange(COUNT * LENGTH) > 3000)
+    for values in (white, red(rng, COUNT * LENGTH) + 0.1 * white, np.geomspace(1.0, 10.0, COUNT * LENGTH) * white, white + step):
+        assert not noise_spectra.switches(windows_of(), values)
+
+
+def test_what_switches_is_never_called_a_wander():
+    evidence = {frozenset(some): 20.0 if "flicker_noise" in some else 0.0 for size in range(3) for some in combinations(noise_spectra.EFFECTS, size)}
+    spectral = SimpleNamespace(log_evidence=evidence, bands=[])
+    still, switches = (noise_level._Looks(SimpleNamespace(ok=None), SimpleNamespace(ok=None), spectral, None, None, None, None, [], found) for found in (False, True))
+    assert still._of(frozenset({"flicker_noise"})) > 15.0
+    assert switches._of(frozenset({"flicker_noise"})) < -15.0
+
+
 # ---- noise that follows the temperature -------------------------------------------------------------------------------------------
 
 

@@ -14,10 +14,10 @@ from wineglass.diagnosis import hypotheses, plain
 from wineglass.diagnosis.closure import Closed
 from wineglass.diagnosis.confirmation import Confirmed
 from wineglass.diagnosis.hypotheses import SETTLED, Hypotheses, Ids
-from wineglass.diagnosis.noise_level import NoiseEvidence
-from wineglass.diagnosis.noisy import FED, FLICKER
+from wineglass.diagnosis.noise_level import SURE, NoiseEvidence
+from wineglass.diagnosis.noisy import FED
 from wineglass.diagnosis.twin_level import TwinAnalysis
-from wineglass.diagnosis.vocabulary import NONE, OTHER
+from wineglass.diagnosis.vocabulary import FLICKER, NONE, OTHER
 
 UNKNOWN_ABOVE = 0.5
 NAMED_BESIDE = 0.7  # of an effect beside something unknown, which may be all of it
@@ -227,7 +227,7 @@ def beside_unknown(outcome: Outcome, weighed: Hypotheses, removed: float | None,
 def wanders_or_unknown(found: TwinAnalysis, outcome: Outcome, weighed: Hypotheses, confirmed: Confirmed, noise: NoiseEvidence | None) -> Answer:
     """Where no law of the catalogue was worth following and the gap is where a bias shows, the bias may only wander, too slowly for quiet windows."""
     gaps = [change.channel for change in confirmed.changes if change.fraction is not None]
-    able = noise is not None and not noise.named and any(FLICKER in chosen for chosen in noise.log_evidence)
+    able = noise is not None and not noise.named and noise.log_evidence.get(frozenset({FLICKER}), -np.inf) > -SURE
     if outcome.verdict != "unknown" or found.closed or not able or not gaps or not all(name.startswith(FED) for name in gaps):
         return outcome, weighed
     return Outcome("ambiguous", WANDERS_OR_UNKNOWN, None), hypotheses.shared_with(weighed, FLICKER, WANDERS)

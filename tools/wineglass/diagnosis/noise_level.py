@@ -26,13 +26,13 @@ from wineglass.diagnosis.output_check import OutputCheck
 from wineglass.diagnosis.raw_codes import RawEvidence
 from wineglass.diagnosis.replay import Replay
 from wineglass.diagnosis.thermometer_codes import Steps
+from wineglass.diagnosis.vocabulary import FLICKER, OTHER
 from wineglass.errors import BadInput
 from wineglass.recording.reader import Recording, Tap
 from wineglass.scenario import Run
 
 EFFECTS = ("excess_noise", "flicker_noise", "clock_jitter", "dropped_samples", "interference", "vibration", "thermometer_quantisation",
            "adc_saturation", "adc_nonlinearity", "firmware_mismatch")
-OTHER = "other"
 LARGEST_SUPPORT, LARGEST_BROADBAND = 3, 2
 """effects in a set, and among them those that raise the noise"""
 ENOUGH = 100.0
@@ -132,8 +132,8 @@ def examine(recording: Recording, device: Device | Run | None = None, slow_model
     steps = thermometer_codes.find(recording, described) if described is not None else None
     events = noise_events.find(recording)
     raw = raw_codes.examine(recording, described, None if events is None else events.times_s) if described is not None else None
-    spectral, lines, trends = _telemetry(recording, described, calibration, events, steps, dict(slow_model or {}), notes)
-    looks = _Looks(again, output, spectral, lines, events, steps, raw, trends)
+    spectral, lines, trends, switches = _telemetry(recording, described, calibration, events, steps, dict(slow_model or {}), notes)
+    looks = _Looks(again, output, spectral, lines, events, steps, raw, trends, switches)
     for part in (again.not_checked if again.ok is None else [], output.not_checked, spectral.notes if spectral else [], lines.notes if lines else [],
                  raw.notes if raw else []):
         notes += part
@@ -159,11 +159,11 @@ def _setting(recording: Recording, device: Device | Run | None) -> tuple[Device 
 
 
 def _telemetry(recording: Recording, device: Device | None, calibration: Calibration | None, events: Events | None, steps: Steps | None,
-               slow: dict[str, np.ndarray], notes: list[str]) -> tuple[SpectralEvidence | None, Lines | None, list[noise_trend.Trend]]:
-    """Spectra and lines of baseband and rate."""
+               slow: dict[str, np.ndarray], notes: list[str]) -> tuple[SpectralEvidence | None, Lines | None, list[noise_trend.Trend], bool]:
+    """Spectra and lines of baseband and rate; the last: the rate switches."""
     if device is None or calibration is None:
         notes.append("no description or no calibration: the spectra say nothing")
-        return None, None, []
+        return None, None, [], False
     seen = _Seen(recording, device, calibration, events.times_s if events is not None else np.empty(0), steps, slow)
     bands: list[Band] = []
     lines: Lines | None = None
@@ -177,6 +177,9 @@ def _telemetry(recording: Recording, device: Device | None, calibration: Calibra
                 notes.append("no true rate: a bias that wanders cannot be told from a base that turns")
             if seen.restless:
                 notes.append("what is slow in the rate comes and goes, and no noise does that: it is left to the slow channels")
+            if seen.switches:
+                notes.append("what is slow in the rate stands still and jumps, and no noise does that: it is left to the slow channels")
+                found = noise_spectra.without_rate(found)
             bands = [*noise_spectra.without_low(found, noise_spectra.SLOW_TO_HZ if seen.restless else noise_spectra.LOW_TO_HZ), *low]
         else:
             notes.append("no baseband with the drive's frequency: only the rate's own spectrum can be looked at, and no axis told from the other")
@@ -184,8 +187,8 @@ def _telemetry(recording: Recording, device: Device | None, calibration: Calibra
             bands = seen.rate(noise_windows.LENGTH_S, np.inf, lines)
     except (ValueError, np.linalg.LinAlgError, BadInput) as error:
         notes.append(f"the spectra cannot be modelled ({error})")
-        return None, None, []
-    return noise_spectra.weigh(bands, device, seen.windows), lines, seen.trends
+        return None, None, [], False
+    return noise_spectra.weigh(bands, device, seen.windows), lines, seen.trends, seen.switches
 
 
 class _Seen:
@@ -195,7 +198,7 @@ class _Seen:
         self._recording, self._device, self._calibration = recording, device, calibration
         self._skip_s, self._steps, self._slow = skip_s, steps, slow
         self.windows = 0
-        self.restless = False
+        self.restless = self.switches = False
         self.trends: list[noise_trend.Trend] = []
 
     def baseband(self) -> tuple[list[Band], Lines]:
@@ -265,6 +268,9 @@ class _Seen:
             if not sound:
                 return []
         values = values - self._slow.get(RATE, 0.0)
+        self.switches = noise_spectra.switches(windows, values)
+        if self.switches:
+            return []
         if np.isfinite(to_hz) and noise_spectra.comes_and_goes(windows, values, taken):
             self.restless = True
             return []
@@ -312,6 +318,7 @@ class _Looks:
     steps: Steps | None
     raw: RawEvidence | None
     trends: list[noise_trend.Trend]
+    switches: bool = False
 
     def log_evidence(self) -> dict[frozenset[str], float]:
         names = (*EFFECTS, OTHER)
@@ -325,6 +332,7 @@ class _Looks:
         total += self._bent(chosen & _CURVES)
         for effect in chosen - {OTHER} - _CURVES:
             total += self._alone(effect)
+        total -= ENOUGH if self.switches and FLICKER in chosen else 0.0
         return total - (OTHER_PENALTY if OTHER in chosen else 0.0)
 
     def _broadband(self, chosen: frozenset[str]) -> float:

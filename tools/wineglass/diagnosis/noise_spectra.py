@@ -14,6 +14,7 @@ from itertools import product
 
 import numpy as np
 from scipy.special import gammaincc, logsumexp, polygamma
+from scipy.stats import kurtosis
 
 from wineglass.calibration_block import Calibration
 from wineglass.device import Device
@@ -43,6 +44,9 @@ SLOW_TO_HZ, SMOOTH_SHARE = 3.0, 1.3
 """a low band whose power depends on how much of a polynomial was taken out holds slow content and no noise"""
 RESTLESS, CHANCE = 0.3, 1e-3
 """by which the power of noise may change from window to window beyond chance (of its log); chance by which more than that is taken for noise"""
+JUMP_S, LEAST_MEANS, MOST_MOMENT, JUMPING = 0.24, 30, 4.5, 0.2
+"""means of so long are compared, so many in a window at least; fourth moment of their changes over the square of the second, 3 of normal ones; share of
+windows with more than that by which a bias jumps (of forty normal changes 3 % have more)"""
 WHITE_FROM_HZ = 5.0
 LINE_RATIO = 4.0
 FINE_NODES = 400
@@ -164,6 +168,23 @@ def comes_and_goes(windows: Windows, values: np.ndarray, lines: np.ndarray) -> b
     variance = float(polygamma(1, SHAPE_PER_BIN * np.count_nonzero(chosen))) + RESTLESS**2
     squares = float(np.sum((logs - logs.mean()) ** 2)) / variance
     return bool(gammaincc(0.5 * (len(logs) - 1), 0.5 * squares) < CHANCE)
+
+
+def switches(windows: Windows, values: np.ndarray) -> bool:
+    """Does what is slow in the rate stand still and jump, again and again? A bias wanders by many small things that add up, so that its changes are normally
+    distributed; those of a bias that switches, or of a mount that slips, are not: their fourth moment says so."""
+    step = max(1, round(JUMP_S * windows.tap.sample_rate_hz))
+    count = windows.length // step
+    if len(windows) < noise_windows.LEAST_WINDOWS or count < LEAST_MEANS:
+        return False
+    means = values[windows.first[:, None] + np.arange(count * step)].reshape(len(windows), count, step).mean(axis=2)
+    moments = kurtosis(np.diff(means, axis=1), axis=1, fisher=False)
+    return bool(np.count_nonzero(moments > MOST_MOMENT) >= max(noise_windows.LEAST_WINDOWS, JUMPING * len(windows)))
+
+
+def without_rate(bands: list[Band]) -> list[Band]:
+    """Without what a rate is in."""
+    return [band for band in bands if band.channel not in (SECONDARY[0], FORCES[0], RATE)]
 
 
 def without_low(bands: list[Band], from_hz: float) -> list[Band]:

@@ -15,7 +15,7 @@ from wineglass.diagnosis.noise_added import Added
 from wineglass.diagnosis.noise_level import NoiseEvidence
 from wineglass.recording.memory import Source
 
-FLICKER, DROPPED = "flicker_noise", "dropped_samples"
+DROPPED = "dropped_samples"
 BEATING = frozenset({"interference", "vibration"})
 BENT = frozenset({"adc_nonlinearity", "adc_saturation"})
 """Converters that bend: their harmonics beat with the sampling clock in whatever stands still otherwise, and no envelope knows the phase"""

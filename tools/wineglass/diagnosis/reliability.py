@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from wineglass.diagnosis.hypotheses import Hypotheses, Ids
-from wineglass.diagnosis.noisy import FLICKER
-from wineglass.diagnosis.vocabulary import NONE, OTHER
+from wineglass.diagnosis.vocabulary import FLICKER, NONE, OTHER
 
 ALONE, UNKNOWN, NO_GAP = 0.87, 0.5, 0.92  # at most, of one explanation that stands alone; of something unknown; of no gap at all
 BESIDE = 0.6  # of what is taken from an explanation: that it is a part of the truth

@@ -11,9 +11,9 @@ from wineglass.diagnosis import channels, hypotheses, noise_level, soundness, tw
 from wineglass.diagnosis.evidence import file_hash
 from wineglass.diagnosis.hypotheses import Hypotheses
 from wineglass.diagnosis.noise_level import NoiseEvidence
-from wineglass.diagnosis.noisy import FLICKER
 from wineglass.diagnosis.twin_level import TwinAnalysis
 from wineglass.diagnosis.twin_verdict import Source, Verdict
+from wineglass.diagnosis.vocabulary import FLICKER
 from wineglass.recording import Recording
 
 STEPS = 6

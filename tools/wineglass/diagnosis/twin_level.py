@@ -24,6 +24,7 @@ from wineglass.diagnosis.responses import STAIRS, Bench, Responses
 from wineglass.diagnosis.standing import Standing
 from wineglass.diagnosis.system import System
 from wineglass.diagnosis.unit import FARTHEST
+from wineglass.diagnosis.vocabulary import FLICKER
 from wineglass.recording import Recording
 from wineglass.scenario import Run
 
@@ -89,8 +90,8 @@ def analyse(recording: Recording, described: Device | None = None, without: froz
     without |= noisy.unseen_bends(named)
     added = None
     if noise is not None and named:
-        added = noise.added(named - {noisy.FLICKER}) if named - {noisy.FLICKER} else None
-        driven = noisy.device_with(driven, noise.added(named & {noisy.FLICKER}))
+        added = noise.added(named - {FLICKER}) if named - {FLICKER} else None
+        driven = noisy.device_with(driven, noise.added(named & {FLICKER}))
         recorded = noisy.undisturbed(recorded, driven, noise) if noisy.DROPPED in named else recorded
         recorded = noisy.with_beats(recorded) if noisy.BENT & named else recorded
         recorded = noisy.without_beats(recorded, recording, noise) if noisy.BEATING & named else recorded

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 STAGES = ("primary", "secondary", "coupling", "actuation", "pickoff", "clock", "temperature", "environment", "firmware")
 COMPONENTS = ("in_phase", "quadrature", "frequency", "level", "temperature", "noise")
 VERDICTS = ("no_gap", "attributed", "ambiguous", "unknown", "insufficient")
-NONE, OTHER = "none", "other"
+NONE, OTHER, FLICKER = "none", "other", "flicker_noise"
 
 
 @dataclass(frozen=True)
