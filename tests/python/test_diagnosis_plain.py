@@ -51,9 +51,12 @@ class Channels:
         self.parts, self.bench = parts, self
         self.system = SimpleNamespace(whiten=lambda series: series)
 
-    def tried(self, settings: list[SimpleNamespace]) -> np.ndarray:
+    def run(self, settings: list[SimpleNamespace]) -> np.ndarray:
         begin = 6 * list(self.parts).index(settings[0].id)
         return 50.0 * (np.arange(COUNT) - begin < self.parts[settings[0].id])[None] * (np.arange(COUNT) >= begin)
+
+    def tried(self, settings: list[SimpleNamespace]) -> np.ndarray:
+        return self.run(settings) - self.nominal
 
     def explanation(self) -> SimpleNamespace:
         settings = [SimpleNamespace(id=effect) for effect in self.parts]
