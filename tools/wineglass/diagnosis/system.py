@@ -93,7 +93,7 @@ def build(recorded: Frames, base: Frames, floor: Floor, names: tuple[str, ...], 
         weight[place] /= 1.0 + UNBALANCED * _after(~use[place] if recorded.bridged is None else ~use[place] | recorded.bridged)
     if recorded.shaken:
         weight = _without_shakes(floor, weight, difference)
-    floor = _scaled(floor, weight, difference, restless, [name in recorded.freed for name in names])
+    floor = _scaled(floor, weight, difference, restless, recorded.shaken, [name in recorded.freed for name in names])
     empty = System(grid, names, floor, weight, _folds(grid, edges_s, aside), (), difference)
     basis = tuple(np.zeros((grid.count, 0)) if regressors is None else _basis(empty, i, regressors) for i in range(len(names)))
     return replace(empty, basis=basis, data=empty.whiten(difference))
@@ -127,14 +127,14 @@ def _bridged(row: np.ndarray, use: np.ndarray) -> np.ndarray:
     return np.interp(frames, frames[use], row[use]) if use.any() else np.zeros(len(row))
 
 
-def _scaled(floor: Floor, weight: np.ndarray, difference: np.ndarray, restless: bool, freed: list[bool]) -> Floor:
+def _scaled(floor: Floor, weight: np.ndarray, difference: np.ndarray, restless: bool, shaken: bool, freed: list[bool]) -> Floor:
     """The floor as large as the recording's own fastest changes show it: how much noise there is, is another question than what moves. freed (channels):
     where too few frames are steady, because the loop was open for a short while only, what is left of the lines is noise."""
     factors = []
     for i, row in enumerate(difference):
         used, steady = weight[i] > 0, weight[i] > 0.5
         few = freed[i] and np.count_nonzero(steady) <= ENOUGH
-        white = floor.whiten(i, _bridged(row, used) if restless or few else np.where(used, row, 0.0))
+        white = floor.whiten(i, _bridged(row, used) if shaken or few else np.where(used, row, 0.0))
         change = _changes(white, used if few else steady)
         most, part = (MOST_SHAKEN, TAIL) if restless or few else (MOST_NOISE, 0.5)
         factors.append(min(most, max(LEAST_NOISE, spread(change, part))) if len(change) > (FEW if few else ENOUGH) else 1.0)
