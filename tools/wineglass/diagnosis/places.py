@@ -33,22 +33,24 @@ def where(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, named: li
         places[key] = places.get(key, 0.0) + effect.share
     rest = max(0.0, 1.0 - sum(places.values()))
     entries = [_named_place(found, confirmed, named, place, share) for place, share in places.items()]
-    entries += _traces(found, named, slow, noise, rest)
+    entries += _traces(found, confirmed, named, slow, noise, rest)
     if outcome.verdict == "unknown":
         entries += _unexplained(found, confirmed, rest if len(entries) == len(places) else 0.0)
     total = max(1.0, sum(w.share for w in entries))
     return sorted((w.model_copy(update={"share": w.share / total}) for w in entries), key=lambda w: -w.share)
 
 
-def _traces(found: TwinAnalysis, named: list[EffectFound], slow: set[str], noise: NoiseEvidence | None, rest: float) -> list[Where]:
-    """Of the effects that only noise, lines, events or codes show: they share what slow channels do not."""
+def _traces(found: TwinAnalysis, confirmed: Confirmed, named: list[EffectFound], slow: set[str], noise: NoiseEvidence | None, rest: float) -> list[Where]:
+    """Of the effects that only noise, lines, events or codes show: they share what slow channels do not. What none of these looks shows is in the channel with the
+    largest gap."""
     mine = [e for e in named if e.id not in slow]
     time_s = found.grid.time_s
     whole = Region(variable="time", start=float(time_s[0]), stop=float(time_s[-1]), unit="s")
+    worst = max(confirmed.changes, key=lambda c: c.before / max(c.floor, 1e-300) if c.fraction is not None else 0.0)
     entries = []
     for effect in mine:
         seen = next((w for w in (noise.where if noise is not None else []) if w[0] == effect.stage), None)
-        channel, component, ratio = (seen[1], seen[2], min(abs(float(seen[3])), LARGEST)) if seen else (found.names[0], component_of(effect.id), 1.0)
+        channel, component, ratio = (seen[1], seen[2], min(abs(float(seen[3])), LARGEST)) if seen else (worst.channel, component_of(effect.id), min(worst.before / max(worst.floor, 1e-300), LARGEST))
         entries.append(Where(stage=effect.stage, channel=channel, component=component, share=rest / len(mine), region=whole, size=ratio,
                              unit="floor", ratio_over_floor=ratio))
     return entries
