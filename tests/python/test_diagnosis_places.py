@@ -42,3 +42,13 @@ def test_a_named_effect_is_placed_in_the_channel_that_shows_most_of_it() -> None
     made = SimpleNamespace(changes=changes, use=np.ones((3, GRID.count), bool))
     place = places._named_place(found, made, [SimpleNamespace(id="actuator_gain", stage="actuation")], ("actuation", "level"), 1.0)  # type: ignore[arg-type, list-item]
     assert (place.channel, place.ratio_over_floor, place.share) == ("drive_level", 70.0, 1.0)
+
+
+def test_an_effect_that_no_look_shows_is_in_the_channel_with_the_largest_gap() -> None:
+    """A channel without a gap does not count, however far it is from its floor."""
+    changes = [Change("primary_quadrature", 90.0, 90.0, 1.0, None, None), Change("drive_level", 2.0, 2.0, 1.0, 0.0, (0.0, 0.0)),
+               Change("secondary_quadrature", 3.0, 3.0, 1.0, 0.0, (0.0, 0.0))]
+    wander = [SimpleNamespace(id="flicker_noise", stage="pickoff")]
+    found = SimpleNamespace(names=NAMES, grid=GRID)
+    place, = places._traces(found, SimpleNamespace(changes=changes), wander, set(), None, 1.0)  # type: ignore[arg-type]
+    assert (place.stage, place.channel, place.component, place.ratio_over_floor) == ("pickoff", "secondary_quadrature", "noise", 3.0)
