@@ -90,6 +90,18 @@ def test_what_a_slope_may_be_off_is_no_gap() -> None:
     assert gaps == 0
 
 
+def test_what_is_foretold_within_the_floor_counts_in_independent_frames() -> None:
+    """A gap of a quarter of the floor: no channel is beyond it, but what foretells all of it gains its energy, and what foretells noise nothing."""
+    gap = 0.25 * np.sqrt(2.0) * np.sin(np.arange(N) / 40.0)[None]
+    for seed in range(SEED, SEED + 20):
+        noise = 0.95 * wandering(0.0, seed)
+        data, other = noise + gap, 0.25 * wandering(0.0, seed + 1000)
+        each, total = changes.changes(made(data), sure(data), noise)
+        assert each[0].fraction is None and total.fraction is None
+        assert total.foretold == each[0].foretold == pytest.approx(N * 0.0625, abs=100.0)  # the cross term's deviation is 2 x 0.25 sqrt(N), 27
+        assert changes.changes(made(data), sure(data), data - other)[1].foretold < 0.0
+
+
 def brief(seed: int, offset: float, transient: float, later: float) -> tuple[System, np.ndarray]:
     """A channel that speaks in two stretches of a hundredth of the record, the first begun by a transient of eight frames; later: for the last two fifths of each."""
     data = np.random.default_rng(seed).standard_normal((1, N)) + offset
@@ -111,3 +123,9 @@ def test_a_channel_that_speaks_briefly_has_a_gap_only_if_enough_of_it_says_so(of
         built, data = brief(seed, offset, transient, later)
         left = changes.held_out(built, system.products(built, built.whiten(nothing)), np.ones(1), nothing, data, noise=[])
         assert (changes.changes(built, left, left.values)[1].fraction is not None) == gap
+
+
+def test_what_a_channel_that_speaks_briefly_shows_is_not_foretold() -> None:
+    built, data = brief(SEED, 8.0, 0.0, 0.0)
+    assert changes.changes(built, sure(data), np.zeros((1, N)))[1].foretold == 0.0
+    assert changes.brief(built).tolist() == [True] and changes.brief(made(data)).tolist() == [False]

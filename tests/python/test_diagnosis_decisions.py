@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from wineglass.diagnosis import decisions, twin_verdict
-from wineglass.diagnosis.decisions import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, IMITATED, MUCH_LEFT, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, NONE_BELOW, SHAKEN, Outcome
+from wineglass.diagnosis.decisions import ENOUGH_OF_SEVERAL, ENOUGH_REMOVED, FORETOLD, IMITATED, MUCH_LEFT, NEARLY_OF_SEVERAL, NEARLY_REMOVED, NOISE_LEFT, NONE_BELOW, SHAKEN, Outcome
 from wineglass.diagnosis.hypotheses import Hypotheses
 from wineglass.diagnosis.vocabulary import FLICKER, NONE, OTHER
 
@@ -16,10 +16,11 @@ def closed(*support: str) -> SimpleNamespace:
     return SimpleNamespace(support=support, possible=True)
 
 
-def confirmed(removed: float | None, before: float = 50.0, after: float = 2.0, most: float = 0.0, gained: tuple[float, float] = (50.0, 1.0)) -> SimpleNamespace:
-    """most: upper end of the interval of what is removed; gained: what the unit leaves without any effect, and what of that goes."""
+def confirmed(removed: float | None, before: float = 50.0, after: float = 2.0, most: float = 0.0, gained: tuple[float, float] = (50.0, 1.0),
+              foretold: float = 0.0) -> SimpleNamespace:
+    """most: upper end of the interval of what is removed; gained: what the unit leaves without any effect, and what of that goes; foretold: its energy."""
     return SimpleNamespace(total=SimpleNamespace(fraction=removed, before=before, after=after, interval=(0.0, most)),
-                           gained=SimpleNamespace(before=gained[0], fraction=gained[1]), changes=[SimpleNamespace(before=before, floor=1.0, fraction=removed)])
+                           gained=SimpleNamespace(before=gained[0], fraction=gained[1], foretold=foretold), changes=[SimpleNamespace(before=before, floor=1.0, fraction=removed)])
 
 
 def outcome(verdict: str, *ids: str, chosen: bool = True) -> Outcome:
@@ -91,6 +92,16 @@ def test_an_effect_that_only_stands_for_another_unit_is_none(gained: tuple[float
     said, weighed = decisions.held_to_the_gap(analysis, outcome("attributed", "frequency_split"), certain("frequency_split"),  # type: ignore[arg-type]
                                                   confirmed(0.99, 12.0, gained=gained), None)
     assert said.verdict == verdict
+    assert (weighed.none > 0.9) == (verdict == "no_gap")
+
+
+@pytest.mark.parametrize(("foretold", "verdict"), [(FORETOLD + 1.0, "attributed"), (FORETOLD - 1.0, "no_gap")])
+@pytest.mark.parametrize("removed", [None, 0.99])
+def test_what_a_law_foretells_within_the_floors_is_there(foretold: float, verdict: str, removed: float | None) -> None:
+    """Whether no channel is beyond its floor, or only that of another unit."""
+    analysis = SimpleNamespace(closed_for=lambda ids: closed("ageing"))
+    said, weighed = decisions.held_to_the_gap(analysis, outcome("attributed", "ageing"), certain("ageing"), confirmed(removed, gained=(0.0, None), foretold=foretold), None)  # type: ignore[arg-type]
+    assert said.verdict == verdict and (said.chosen is not None) == (verdict == "attributed")
     assert (weighed.none > 0.9) == (verdict == "no_gap")
 
 

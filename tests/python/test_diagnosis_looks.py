@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wineglass.diagnosis import follow, looks
+from wineglass.diagnosis import explain, follow, looks
+from wineglass.diagnosis.channels import Grid
+from wineglass.diagnosis.floors import ORDER, Floor
 from wineglass.diagnosis.looks import Look, law_of
+from wineglass.diagnosis.system import FOLDS, System, products
 
 FRAMES = 1000
 NONE = SimpleNamespace(log_evidence=-50000.0, log_generic=0.0)
@@ -91,3 +94,30 @@ def test_what_is_left_counts_by_its_ratio_beyond_the_softening(before: float, af
     softening = np.array([1.0 + (before - 1.0) * FRAMES / looks.FREEDOM])
     more = looks._more(with_more, alone, softening, np.array([float(FRAMES)]))
     assert low <= more <= high
+
+
+@pytest.mark.parametrize(("channel", "heard"), [(0, True), (1, False)])
+def test_only_what_lasts_hints_at_a_law(channel: int, heard: bool):
+    """The same smooth gap in a channel that lasts and in one that speaks briefly."""
+    smooth = np.sqrt(2.0 / FRAMES) * np.cos(np.pi * (np.arange(FRAMES) + 0.5) / FRAMES)[:, None]
+    data = np.random.default_rng(5).standard_normal((2, FRAMES))
+    data[channel] += 100.0 * smooth[:, 0]
+    weight = np.ones((2, FRAMES))
+    weight[1, 50:] = 0.0
+    floor = Floor(np.ones(2), np.ones(2), np.zeros((2, ORDER)))
+    built = System(Grid(1.0, 0, FRAMES), ("a", "b"), floor, weight, np.arange(FRAMES) * FOLDS // FRAMES, (smooth, smooth), data * weight)
+    found = SimpleNamespace(nuisances=[], tolerances=0)
+    seen = Look(None, None, found, built, products(built, np.zeros((0, 2, FRAMES))), NONE, [], np.ones(2), False)  # type: ignore[arg-type]
+    everything = explain.explained(seen.table, np.ones(2), 0, [], (), 0.0).log_generic
+    assert (seen.hint > follow.HINTED) == heard and everything > follow.HINTED
+
+
+@pytest.mark.parametrize("hint", [0.0, 2.0 * follow.HINTED])
+def test_within_the_floors_laws_are_tried_only_on_a_hint(hint: float, monkeypatch: pytest.MonkeyPatch):
+    quiet, explained, left = SimpleNamespace(hint=hint), look(A), object()
+    monkeypatch.setattr(follow, "_left", lambda there, base, task: (None, left))
+    monkeypatch.setattr(follow, "_is_a_gap", lambda built, left: False)
+    monkeypatch.setattr(looks, "look", lambda bench, base, task, largest: quiet)
+    monkeypatch.setattr(follow, "_explained", lambda there, base, nominal, task: explained)
+    found, alone = follow.last_look(SimpleNamespace(bench=None), {}, None, None)  # type: ignore[arg-type]
+    assert found is (explained if hint else quiet) and alone is left

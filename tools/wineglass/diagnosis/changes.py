@@ -33,6 +33,8 @@ class Change:
     floor: float
     fraction: float | None
     interval: tuple[float, float] | None
+    foretold: float = 0.0
+    """energy in floors that the explanation foretells of it, as many independent frames as it has; of what is brief nothing"""
 
 
 def counted(system: System) -> np.ndarray:
@@ -90,6 +92,11 @@ def _is_brief(use: np.ndarray) -> bool:
     return bool(0 < np.count_nonzero(use) < BRIEF * len(use))
 
 
+def brief(system: System) -> np.ndarray:
+    """(channels,) bool: which speak briefly, or not at all."""
+    return np.count_nonzero(counted(system), axis=1) < BRIEF * system.weight.shape[1]
+
+
 def _lasting(values: np.ndarray, use: np.ndarray) -> float:
     """rms of the frames in use (n,); where they are few, not more than three quarters of them tell."""
     kept = values[use]
@@ -114,17 +121,19 @@ def _change(system: System, channel: int, before: np.ndarray, after: np.ndarray,
     fraction, interval = _fraction([before[use]], [after[use]], [floor], worth)
     if least**2 <= (_limit(worth) if _is_brief(use) else FLOOR_KNOWN) * floor**2:
         fraction, interval = None, None
-    return Change(system.names[channel], _rms(before[use]), _rms(after[use]), floor, fraction, interval)
+    foretold = worth * float(np.mean(before[use] ** 2 - after[use] ** 2)) / floor**2 if np.count_nonzero(use) >= BRIEF * len(use) else 0.0
+    return Change(system.names[channel], _rms(before[use]), _rms(after[use]), floor, fraction, interval, foretold)
 
 
 def _total(system: System, found: list[Change], before: np.ndarray, after: np.ndarray, use: np.ndarray) -> Change:
+    foretold = sum(change.foretold for change in found)
     gaps = [i for i, change in enumerate(found) if change.fraction is not None]
     if not gaps:
-        return Change("all", 0.0, 0.0, 1.0, None, None)
+        return Change("all", 0.0, 0.0, 1.0, None, None, foretold)
     scaled = [[values[i][use[i]] / found[i].floor for i in gaps] for values in (before, after)]
     worth = sum(_worth(system, i, use[i]) for i in gaps)
     fraction, interval = _fraction(scaled[0], scaled[1], [1.0] * len(gaps), worth)
-    return Change("all", _rms(np.concatenate(scaled[0])), _rms(np.concatenate(scaled[1])), 1.0, fraction, interval)
+    return Change("all", _rms(np.concatenate(scaled[0])), _rms(np.concatenate(scaled[1])), 1.0, fraction, interval, foretold)
 
 
 def _fraction(before: list[np.ndarray], after: list[np.ndarray], floors: list[float], worth: float) -> tuple[float | None, tuple[float, float] | None]:

@@ -31,6 +31,7 @@ MANY = 3  # effects that only means show: so many numbers fit others' doings, to
 NOISE_LEFT = 1.3  # floors: a small gap of which no more is left says little about how much of it was removed
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
 ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.965, 0.98  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
+FORETOLD = 60.0  # energy in floors, thirty nats: what an explanation foretells within the floors is there
 PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
 SHAKEN = 5.0  # floors, in any channel: what a line, noise or events that are named may leave in means, and nothing else need explain
 
@@ -114,6 +115,13 @@ def _is_there_none(case: _Case) -> Answer | None:
     return case.outcome, case.weighed
 
 
+def _does_a_law_show(case: _Case) -> Answer | None:
+    """No channel is beyond its floor, but the full twin with an explanation foretells of stretches that it was not fitted on what no noise would let it."""
+    if case.removed is not None or case.outcome.chosen is None or case.confirmed.gained.foretold < FORETOLD:
+        return None
+    return case.outcome, case.weighed
+
+
 def _is_it_only_traces(case: _Case) -> Answer | None:
     """No channel of means asks for an explanation: what noise, lines, events or codes have named, or nothing."""
     little = bool(case.traced) and _worst(case.confirmed) <= SHAKEN and case.removed is not None and case.removed < ENOUGH_REMOVED
@@ -168,7 +176,7 @@ def _it_is_unknown(case: _Case) -> Answer:
 
 
 QUESTIONS: tuple[Callable[[_Case], Answer | None], ...] = (
-    _is_there_none, _is_it_only_traces, _is_the_unknown_a_trifle, _is_enough_removed, _is_it_nearly_all, _it_is_unknown)
+    _is_there_none, _does_a_law_show, _is_it_only_traces, _is_the_unknown_a_trifle, _is_enough_removed, _is_it_nearly_all, _it_is_unknown)
 
 
 def _worst(confirmed: Confirmed) -> float:

@@ -27,6 +27,7 @@ FAR_OFF = 2.0  # standard deviations
 FOLLOWED, NEARLY_ALL = 3, 3.0  # single effects, until one leaves so little energy per frame in every channel
 QUIET_ENOUGH, STARTS = 1.5, 2  # energy per frame and channel that tolerances may leave; single effects to begin with
 FAR_FROM_RIGHT = 300.0  # energy per frame that an explanation may leave and still be worth another run of the full twin
+HINTED = 10.0  # nats that something smooth gains in channels that stay within their floors: healthy units have less than one
 LOOKS = 4  # explanations that are followed one after the other
 REFUTED = 2.0  # times the energy per frame of the last look: an explanation that leaves so much where it promised less is none
 
@@ -37,7 +38,8 @@ def last_look(there: Standing, base: Frames, nominal: Bench, task: Task) -> tupl
     built, left = _left(there, base, task)
     if _is_a_gap(built, left):
         return _explained(there, base, nominal, task), left
-    return looks.look(there.bench, base, task, largest=0), left
+    quiet = looks.look(there.bench, base, task, largest=0)
+    return (_explained(there, base, nominal, task) if quiet.hint >= HINTED else quiet), left
 
 
 def _has_a_gap(there: Standing, frames: Frames, task: Task) -> bool:

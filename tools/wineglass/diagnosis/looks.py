@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wineglass import effects
-from wineglass.diagnosis import explain, forms, responses, stretches, system
+from wineglass.diagnosis import changes, explain, forms, responses, stretches, system
 from wineglass.diagnosis.beside import LARGEST, beside
 from wineglass.diagnosis.channels import Frames
 from wineglass.diagnosis.closure import Closed, Closer, NoNumbersError
@@ -29,6 +29,7 @@ LOOK_AGAIN, BETTER = 50.0, 3.0  # nats over no effect, and over what was followe
 NEAR = 10.0  # energy per frame and channel: a bent law that leaves less is worth another run of the full twin
 FAR_LESS = 0.3  # of the energy that what was followed leaves: what leaves less is worth following, too
 MODEL = 3e-3  # share of an effect's amplitude to which the envelope twin is to be believed
+UNHEARD = 1e12  # softening of a channel that does not count
 FREEDOM = 10.0  # numbers that a wrong functional form is worth, per channel
 
 
@@ -58,6 +59,12 @@ class Look:
 
     def over_none(self, closed: Closed) -> float:
         return closed.entry.log_evidence + closed.entry.log_generic - self.none.log_evidence - self.none.log_generic
+
+    @property
+    def hint(self) -> float:
+        """Nats that a discrepancy of no known kind gains where no effect is, in channels that do not speak briefly only."""
+        unheard = np.where(changes.brief(self.system), UNHEARD, 1.0)
+        return explain.explained(self.table, unheard, len(self.found.nuisances), [], (), 0.0, self.found.tolerances).log_generic
 
     @property
     def least(self) -> float:

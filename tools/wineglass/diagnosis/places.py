@@ -22,7 +22,6 @@ PLACES = {"primary_in_phase": ("primary", "level"), "primary_quadrature": ("prim
 LARGEST = 1e9  # of a ratio: where there is no noise at all
 
 
-
 def where(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, named: list[EffectFound], noise: NoiseEvidence | None) -> list[Where]:
     if outcome.verdict in ("no_gap", "insufficient"):
         return []
@@ -57,13 +56,16 @@ def _traces(found: TwinAnalysis, confirmed: Confirmed, named: list[EffectFound],
 
 
 def _named_place(found: TwinAnalysis, confirmed: Confirmed, named: list[EffectFound], place: tuple[str, str], share: float) -> Where:
-    """In the channel that shows most of these effects on held-out data; where several effects move it, their part of it."""
+    """In the channel that shows most of these effects on held-out data; where several effects move it, their part of it. Where none is beyond its floor, in the
+    channel of which most is foretold."""
     mine = {e.id for e in named if (e.stage, component_of(e.id)) == place}
     closed = next((c for c in found.closed if set(c.support) & mine), None)
     parts = confirmation.contributions(found, closed) if closed is not None else {}
     own = sum((parts[e] for e in mine if e in parts), np.zeros((len(found.names), found.grid.count)))
     energy, whole = np.sum(own**2, axis=1), sum((np.sum(part**2, axis=1) for part in parts.values()), np.zeros(len(found.names)))
-    channel = int(np.argmax(_excess(confirmed, [c.before for c in confirmed.changes]) * energy / np.maximum(whole, 1e-300)))
+    beyond = _excess(confirmed, [c.before for c in confirmed.changes])
+    shown = beyond if np.any(beyond) else np.array([max(0.0, c.foretold) for c in confirmed.changes])
+    channel = int(np.argmax(shown * energy / np.maximum(whole, 1e-300)))
     return _place(found, *place, confirmed.changes[channel], share, own[channel])
 
 

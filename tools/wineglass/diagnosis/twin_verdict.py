@@ -104,7 +104,10 @@ def sentence(outcome: Outcome, confirmed: Confirmed) -> str:
         return "No gap: within its tolerances the nominal twin leaves no more than noise in every channel."
     worst = max(confirmed.changes, key=lambda c: c.before / max(c.floor, 1e-300))
     size = f"There is a gap, largest in {worst.channel}: {worst.before:.3g} {unit_of(worst.channel)} on held-out data, {worst.before / max(worst.floor, 1e-300):.3g} times the floor"
-    if total.fraction is None and outcome.named:
+    if total.fraction is None and outcome.chosen is not None:
+        most = max(confirmed.changes, key=lambda c: c.foretold)
+        size = f"No channel is beyond its floor, but {most.channel} is foretold on held-out data at {np.sqrt(max(0.0, most.foretold)):.3g} standard deviations"
+    elif total.fraction is None and outcome.named:
         size = "Means stay within their floors, but noise, lines, events or codes do not look like the twin's"
     shrunk = "" if total.fraction is None else f" ({max(0.0, total.fraction):.1%} of the gap above the floor goes)"
     if outcome.verdict == "attributed":
@@ -131,7 +134,7 @@ def _hypotheses(weighed: Hypotheses) -> list[Hypothesis]:
 def _effects(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, listed: list[Hypothesis], noise: NoiseEvidence | None
              ) -> list[EffectFound]:
     named = sorted({e for ids in outcome.named for e in ids if e in EFFECTS})
-    shares = {e: s for ids in reversed(outcome.named) for e, s in _shares(found, found.closed_for(ids), confirmed).items()}
+    shares = {e: s for ids in reversed(outcome.named) for e, s in _shares(found, outcome, found.closed_for(ids), confirmed).items()}
     total = max(1.0, sum(shares.get(e, 0.0) for e in named))
     result = []
     for name in named:
@@ -145,11 +148,13 @@ def _effects(found: TwinAnalysis, outcome: Outcome, confirmed: Confirmed, listed
     return sorted(result, key=lambda e: -e.confidence)
 
 
-def _shares(found: TwinAnalysis, closed: Closed | None, confirmed: Confirmed) -> dict[str, float]:
-    """Share of the gap's energy that each effect of an explanation carries: what the confirmed one removes, divided as their responses are."""
-    if closed is None or confirmed.total.fraction is None:
+def _shares(found: TwinAnalysis, outcome: Outcome, closed: Closed | None, confirmed: Confirmed) -> dict[str, float]:
+    """Share of the gap's energy that each effect of an explanation carries: what the confirmed one removes, divided as their responses are. Of what is foretold
+    within the floors nothing is seen that is not removed."""
+    if closed is None or (confirmed.total.fraction is None and outcome.chosen is None):
         return {}
-    whole = 1.0 - (1.0 - min(1.0, max(0.0, confirmed.total.fraction))) ** 2
+    removed = 1.0 if confirmed.total.fraction is None else confirmed.total.fraction
+    whole = 1.0 - (1.0 - min(1.0, max(0.0, removed))) ** 2
     energies = {effect: float(np.sum(np.sum(part**2, axis=1) / found.softening)) for effect, part in confirmation.contributions(found, closed).items()}
     total = sum(energies.values())
     return {effect: whole * energy / total for effect, energy in energies.items()} if total > 0.0 else {}
