@@ -26,6 +26,14 @@ def test_noise_forgets_what_is_taken_out_of_the_catalogue() -> None:
     assert seen.forget(frozenset()).log_evidence == values
 
 
+def test_in_reach_of_noise_is_only_what_it_speaks_for() -> None:
+    """A tone that is there, jitter that could be instead of excess noise, and a clipping that codes only do not exclude."""
+    jitter, excess, tone, clipping = (frozenset({e}) for e in ("clock_jitter", "excess_noise", "interference", "adc_saturation"))
+    values = {frozenset[str](): 0.0, tone: 50.0, clipping: -2.0, tone | clipping: 48.0, jitter: 30.0, excess: 28.0, tone | jitter: 80.0, tone | excess: 78.0}
+    seen = NoiseEvidence(values, [], [], None, None, None, None, None, None, None)
+    assert seen.within_reach == tone | jitter | excess
+
+
 def test_an_effect_whose_numbers_are_nothing_is_idle() -> None:
     """Of two effects: one number four deviations from nothing, and two that are only so apart, not together with what they share."""
     unknowns = [SimpleNamespace(effect="ageing", role="strength"), SimpleNamespace(effect="ageing", role="shape"),

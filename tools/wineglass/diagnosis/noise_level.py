@@ -114,9 +114,10 @@ class NoiseEvidence:
 
     @property
     def within_reach(self) -> frozenset[str]:
-        """Effects of all sets that are not much worse than the best."""
+        """Effects of all sets that are not much worse than the best, and that would be without them."""
         best = max(self._worth.values())
-        return frozenset(effect for chosen, worth in self._worth.items() if worth > best - SURE for effect in chosen)
+        return frozenset(effect for chosen, worth in self._worth.items() if worth > best - SURE for effect in chosen
+                         if self.log_evidence[chosen] > self.log_evidence.get(chosen - {effect}, -np.inf))
 
     @property
     def _worth(self) -> dict[frozenset[str], float]:
