@@ -100,6 +100,7 @@ def test_what_is_foretold_within_the_floor_counts_in_independent_frames() -> Non
         assert each[0].fraction is None and total.fraction is None
         assert total.foretold == each[0].foretold == pytest.approx(N * 0.0625, abs=100.0)  # the cross term's deviation is 2 x 0.25 sqrt(N), 27
         assert changes.changes(made(data), sure(data), data - other)[1].foretold < 0.0
+        assert changes.changes(made(data), Left(data, 0.95 * sure(data).least), noise)[1].foretold < total.foretold  # a unit that is fitted there leaves less
 
 
 def brief(seed: int, offset: float, transient: float, later: float) -> tuple[System, np.ndarray]:

@@ -17,10 +17,11 @@ def closed(*support: str) -> SimpleNamespace:
 
 
 def confirmed(removed: float | None, before: float = 50.0, after: float = 2.0, most: float = 0.0, gained: tuple[float, float] = (50.0, 1.0),
-              foretold: float = 0.0) -> SimpleNamespace:
-    """most: upper end of the interval of what is removed; gained: what the unit leaves without any effect, and what of that goes; foretold: its energy."""
-    return SimpleNamespace(total=SimpleNamespace(fraction=removed, before=before, after=after, interval=(0.0, most)),
-                           gained=SimpleNamespace(before=gained[0], fraction=gained[1], foretold=foretold), changes=[SimpleNamespace(before=before, floor=1.0, fraction=removed)])
+              foretold: tuple[float, float] = (0.0, 0.0)) -> SimpleNamespace:
+    """most: upper end of the interval of what is removed; gained: what the unit leaves without any effect, and what of that goes; foretold: energy of
+    both."""
+    return SimpleNamespace(total=SimpleNamespace(fraction=removed, before=before, after=after, interval=(0.0, most), foretold=foretold[0]),
+                           gained=SimpleNamespace(before=gained[0], fraction=gained[1], foretold=foretold[1]), changes=[SimpleNamespace(before=before, floor=1.0, fraction=removed)])
 
 
 def outcome(verdict: str, *ids: str, chosen: bool = True) -> Outcome:
@@ -95,9 +96,9 @@ def test_an_effect_that_only_stands_for_another_unit_is_none(gained: tuple[float
     assert (weighed.none > 0.9) == (verdict == "no_gap")
 
 
-@pytest.mark.parametrize(("foretold", "verdict"), [(FORETOLD + 1.0, "attributed"), (FORETOLD - 1.0, "no_gap")])
+@pytest.mark.parametrize(("foretold", "verdict"), [((FORETOLD + 1.0, FORETOLD + 1.0), "attributed"), ((FORETOLD - 1.0, 1e4), "no_gap"), ((1e4, FORETOLD - 1.0), "no_gap")])
 @pytest.mark.parametrize("removed", [None, 0.99])
-def test_what_a_law_foretells_within_the_floors_is_there(foretold: float, verdict: str, removed: float | None) -> None:
+def test_what_a_law_foretells_within_the_floors_is_there(foretold: tuple[float, float], verdict: str, removed: float | None) -> None:
     """Whether no channel is beyond its floor, or only that of another unit."""
     analysis = SimpleNamespace(closed_for=lambda ids: closed("ageing"))
     said, weighed = decisions.held_to_the_gap(analysis, outcome("attributed", "ageing"), certain("ageing"), confirmed(removed, gained=(0.0, None), foretold=foretold), None)  # type: ignore[arg-type]

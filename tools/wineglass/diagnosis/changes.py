@@ -34,7 +34,8 @@ class Change:
     fraction: float | None
     interval: tuple[float, float] | None
     foretold: float = 0.0
-    """energy in floors that the explanation foretells of it, as many independent frames as it has; of what is brief nothing"""
+    """energy in floors that the explanation foretells of what the unit leaves even if it is fitted there, as many independent frames as the channel has; of what
+    is brief nothing; of all channels the most"""
 
 
 def counted(system: System) -> np.ndarray:
@@ -121,12 +122,13 @@ def _change(system: System, channel: int, before: np.ndarray, after: np.ndarray,
     fraction, interval = _fraction([before[use]], [after[use]], [floor], worth)
     if least**2 <= (_limit(worth) if _is_brief(use) else FLOOR_KNOWN) * floor**2:
         fraction, interval = None, None
-    foretold = worth * float(np.mean(before[use] ** 2 - after[use] ** 2)) / floor**2 if np.count_nonzero(use) >= BRIEF * len(use) else 0.0
-    return Change(system.names[channel], _rms(before[use]), _rms(after[use]), floor, fraction, interval, foretold)
+    rms, left = _rms(before[use]), _rms(after[use])
+    foretold = 0.0 if np.count_nonzero(use) < BRIEF * len(use) else worth * (min(rms, least) ** 2 - left**2) / floor**2
+    return Change(system.names[channel], rms, left, floor, fraction, interval, foretold)
 
 
 def _total(system: System, found: list[Change], before: np.ndarray, after: np.ndarray, use: np.ndarray) -> Change:
-    foretold = sum(change.foretold for change in found)
+    foretold = max(change.foretold for change in found)
     gaps = [i for i, change in enumerate(found) if change.fraction is not None]
     if not gaps:
         return Change("all", 0.0, 0.0, 1.0, None, None, foretold)

@@ -31,7 +31,7 @@ MANY = 3  # effects that only means show: so many numbers fit others' doings, to
 NOISE_LEFT = 1.3  # floors: a small gap of which no more is left says little about how much of it was removed
 LEAST_REMOVED = 0.2  # of the held-out gap: less is nothing
 ENOUGH_REMOVED, ENOUGH_OF_SEVERAL = 0.965, 0.98  # an explanation that leaves more does not stand alone; several effects imitate another one more easily
-FORETOLD = 60.0  # energy in floors, thirty nats: what an explanation foretells within the floors is there
+FORETOLD = 40.0  # energy in floors, twenty nats: what an explanation foretells of a channel within its floor is there
 PLAIN = 2.0  # floors: a gap of that size is there, whatever no explanation is worth
 SHAKEN = 5.0  # floors, in any channel: what a line, noise or events that are named may leave in means, and nothing else need explain
 
@@ -116,8 +116,10 @@ def _is_there_none(case: _Case) -> Answer | None:
 
 
 def _does_a_law_show(case: _Case) -> Answer | None:
-    """No channel is beyond its floor, but the full twin with an explanation foretells of stretches that it was not fitted on what no noise would let it."""
-    if case.removed is not None or case.outcome.chosen is None or case.confirmed.gained.foretold < FORETOLD:
+    """No channel is beyond its floor, but the full twin with an explanation foretells of stretches that it was not fitted on what no noise would let it, whether
+    the unit is that of the explanation or the one which needs no effect."""
+    foretold = min(case.confirmed.total.foretold, case.confirmed.gained.foretold)
+    if case.removed is not None or case.outcome.chosen is None or foretold < FORETOLD:
         return None
     return case.outcome, case.weighed
 
