@@ -21,7 +21,7 @@ from wineglass.diagnosis.unit import FARTHEST
 from wineglass.effects import Setting
 from wineglass.errors import BadInput
 
-DECIMALS, NOTHING = 0.05, 0.005  # of a value, of its prior's spread: what a linear system may still correct about a run of the full twin
+STRAIGHT = 60.0  # energy in floors that a linear system may miss of what it corrects about a run of the full twin
 
 
 @dataclass(frozen=True)
@@ -60,14 +60,18 @@ def confirm(found: TwinAnalysis, chosen: Closed | None) -> Confirmed:
 
 
 def _run(found: TwinAnalysis, chosen: Closed) -> tuple[Standing, Frames]:
-    """The full twin with the explanation: where it was run last, if that is so near that only decimals have moved since."""
-    if found.ran is not None and found.ran[0].unknowns == chosen.unknowns:
-        there = found.ran[0]
-        moved = np.abs(there.values - chosen.values)
-        if np.all((moved <= DECIMALS * np.abs(chosen.values)) | (moved <= NOTHING * there.spread)):
-            return found.ran
+    """The full twin with the explanation: where it was run last, if the same numbers are meant and a straight line leads from there."""
+    if found.ran is not None and found.ran[0].unknowns == chosen.unknowns and _bend(found, found.ran[0], chosen) < STRAIGHT:
+        return found.ran
     there = Standing(found.bench, chosen.unknowns, chosen.values, chosen.jacobian)
     return there, standing.run(there)
+
+
+def _bend(found: TwinAnalysis, there: Standing, chosen: Closed) -> float:
+    """Energy in floors by which the envelope twin's way from a standing to the explanation misses its slopes there."""
+    way = chosen.response - (there.envelope - there.bench.nominal)[found.pick]
+    straight = np.tensordot(chosen.values - there.values, there.jacobian, 1) if there.jacobian is not None else 0.0
+    return float(np.sum(found.system.whiten(way - straight) ** 2))
 
 
 def _channels(found: TwinAnalysis, frames: Frames) -> np.ndarray:
