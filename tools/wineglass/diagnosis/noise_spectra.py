@@ -14,7 +14,6 @@ from itertools import product
 
 import numpy as np
 from scipy.special import gammaincc, logsumexp, polygamma
-from scipy.stats import kurtosis
 
 from wineglass.calibration_block import Calibration
 from wineglass.device import Device
@@ -178,7 +177,9 @@ def switches(windows: Windows, values: np.ndarray) -> bool:
     if len(windows) < noise_windows.LEAST_WINDOWS or count < LEAST_MEANS:
         return False
     means = values[windows.first[:, None] + np.arange(count * step)].reshape(len(windows), count, step).mean(axis=2)
-    moments = kurtosis(np.diff(means, axis=1), axis=1, fisher=False)
+    changed = np.diff(means, axis=1)
+    changed -= changed.mean(axis=1, keepdims=True)
+    moments = np.mean(changed**4, axis=1) / np.maximum(np.mean(changed**2, axis=1) ** 2, 1e-300)
     return bool(np.count_nonzero(moments > MOST_MOMENT) >= max(noise_windows.LEAST_WINDOWS, JUMPING * len(windows)))
 
 

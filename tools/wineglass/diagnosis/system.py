@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from wineglass.diagnosis.channels import Frames, Grid
 from wineglass.diagnosis.floors import SHORT_ORDER, Floor
@@ -148,7 +148,7 @@ def _changes(white: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 def spread(change: np.ndarray, part: float = 0.5) -> float:
     """Standard deviation of white noise from its changes, whatever moves slowly; from the size that this part of them does not exceed."""
-    return float(np.quantile(np.abs(change), part)) / (float(norm.ppf(0.5 + 0.5 * part)) * np.sqrt(2.0))
+    return float(np.quantile(np.abs(change), part)) / (float(ndtri(0.5 + 0.5 * part)) * np.sqrt(2.0))
 
 
 def _trust(base: Frames, names: tuple[str, ...], floor: Floor, jumps: np.ndarray, losses: float) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from wineglass import __version__, effects
 from wineglass.diagnosis import confirmation, decisions, hypotheses, menu, places, reliability
@@ -93,7 +93,7 @@ def _idle(closed: Closed | None, confirmed: Confirmed) -> frozenset[str]:
         size = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
         precision = np.linalg.pinv(covariance / np.outer(size, size), hermitian=True)[np.ix_(strengths, strengths)]
         values = (confirmed.values[mine] / size)[strengths]
-        if float(values @ precision @ values) < chi2.ppf(SURELY, len(values)):
+        if float(values @ precision @ values) < chdtri(len(values), 1.0 - SURELY):
             found.add(effect)
     return frozenset(found)
 
