@@ -129,4 +129,4 @@ def test_a_channel_that_speaks_briefly_has_a_gap_only_if_enough_of_it_says_so(of
 def test_what_a_channel_that_speaks_briefly_shows_is_not_foretold() -> None:
     built, data = brief(SEED, 8.0, 0.0, 0.0)
     assert changes.changes(built, sure(data), np.zeros((1, N)))[1].foretold == 0.0
-    assert changes.brief(built).tolist() == [True] and changes.brief(made(data)).tolist() == [False]
+    assert changes.brief(changes.counted(built)).tolist() == [True] and changes.brief(changes.counted(made(data))).tolist() == [False]

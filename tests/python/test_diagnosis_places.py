@@ -44,15 +44,16 @@ def test_a_named_effect_is_placed_in_the_channel_that_shows_most_of_it() -> None
     assert (place.channel, place.ratio_over_floor, place.share) == ("drive_level", 70.0, 1.0)
 
 
-def test_what_is_foretold_within_the_floors_is_where_most_of_it_is_foretold() -> None:
-    response = np.ones((3, GRID.count))
+@pytest.mark.parametrize(("foretold", "channel"), [((-4.0, 200.0, 3.0), "drive_level"), ((-4.0, -1.0, 0.0), "secondary_quadrature")])
+def test_within_the_floors_an_effect_is_where_most_of_it_is_foretold(foretold: tuple[float, float, float], channel: str) -> None:
+    """Or, if nothing is, where it moves most."""
+    response = np.array([1.0, 1.0, 2.0])[:, None] * np.ones(GRID.count)
     entry = SimpleNamespace(support=("actuator_gain",), response=response)
     found = SimpleNamespace(names=NAMES, grid=GRID, closed=[entry], system=SimpleNamespace(whiten=lambda series: series))
-    changes = [Change("primary_quadrature", 1.02, 1.03, 1.0, None, None, -4.0), Change("drive_level", 1.01, 0.9, 1.0, None, None, 200.0),
-               Change("secondary_quadrature", 1.5, 1.4, 1.0, None, None, 3.0)]
+    changes = [Change(name, 1.01, 1.0, 1.0, None, None, energy) for name, energy in zip(NAMES, foretold, strict=True)]
     made = SimpleNamespace(changes=changes, use=np.ones((3, GRID.count), bool))
     place = places._named_place(found, made, [SimpleNamespace(id="actuator_gain", stage="actuation")], ("actuation", "level"), 1.0)  # type: ignore[arg-type, list-item]
-    assert (place.channel, place.ratio_over_floor, place.share) == ("drive_level", 1.01, 1.0)
+    assert (place.channel, place.ratio_over_floor, place.share) == (channel, 1.01, 1.0)
 
 
 def test_an_effect_that_no_look_shows_is_in_the_channel_with_the_largest_gap() -> None:

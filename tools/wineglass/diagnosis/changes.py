@@ -90,12 +90,12 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _is_brief(use: np.ndarray) -> bool:
-    return bool(0 < np.count_nonzero(use) < BRIEF * len(use))
+    return bool(brief(use) and use.any())
 
 
-def brief(system: System) -> np.ndarray:
-    """(channels,) bool: which speak briefly, or not at all."""
-    return np.count_nonzero(counted(system), axis=1) < BRIEF * system.weight.shape[1]
+def brief(use: np.ndarray) -> np.ndarray:
+    """(...,) bool: which channels with frames in use (..., n) speak briefly, or not at all."""
+    return np.count_nonzero(use, axis=-1) < BRIEF * use.shape[-1]
 
 
 def _lasting(values: np.ndarray, use: np.ndarray) -> float:
@@ -123,7 +123,7 @@ def _change(system: System, channel: int, before: np.ndarray, after: np.ndarray,
     if least**2 <= (_limit(worth) if _is_brief(use) else FLOOR_KNOWN) * floor**2:
         fraction, interval = None, None
     rms, left = _rms(before[use]), _rms(after[use])
-    foretold = 0.0 if np.count_nonzero(use) < BRIEF * len(use) else worth * (min(rms, least) ** 2 - left**2) / floor**2
+    foretold = 0.0 if brief(use) else worth * (min(rms, least) ** 2 - left**2) / floor**2
     return Change(system.names[channel], rms, left, floor, fraction, interval, foretold)
 
 

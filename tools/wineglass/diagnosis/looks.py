@@ -63,7 +63,7 @@ class Look:
     @property
     def hint(self) -> float:
         """Nats that a discrepancy of no known kind gains where no effect is, in channels that do not speak briefly only."""
-        unheard = np.where(changes.brief(self.system), UNHEARD, 1.0)
+        unheard = np.where(changes.brief(changes.counted(self.system)), UNHEARD, 1.0)
         return explain.explained(self.table, unheard, len(self.found.nuisances), [], (), 0.0, self.found.tolerances).log_generic
 
     @property

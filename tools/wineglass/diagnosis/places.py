@@ -57,14 +57,14 @@ def _traces(found: TwinAnalysis, confirmed: Confirmed, named: list[EffectFound],
 
 def _named_place(found: TwinAnalysis, confirmed: Confirmed, named: list[EffectFound], place: tuple[str, str], share: float) -> Where:
     """In the channel that shows most of these effects on held-out data; where several effects move it, their part of it. Where none is beyond its floor, in the
-    channel of which most is foretold."""
+    channel of which most is foretold; where nothing is, in the one that they move most."""
     mine = {e.id for e in named if (e.stage, component_of(e.id)) == place}
     closed = next((c for c in found.closed if set(c.support) & mine), None)
     parts = confirmation.contributions(found, closed) if closed is not None else {}
     own = sum((parts[e] for e in mine if e in parts), np.zeros((len(found.names), found.grid.count)))
     energy, whole = np.sum(own**2, axis=1), sum((np.sum(part**2, axis=1) for part in parts.values()), np.zeros(len(found.names)))
-    beyond = _excess(confirmed, [c.before for c in confirmed.changes])
-    shown = beyond if np.any(beyond) else np.array([max(0.0, c.foretold) for c in confirmed.changes])
+    beyond, foretold = _excess(confirmed, [c.before for c in confirmed.changes]), np.array([max(0.0, c.foretold) for c in confirmed.changes])
+    shown = next((weight for weight in (beyond, foretold) if weight.any()), whole)
     channel = int(np.argmax(shown * energy / np.maximum(whole, 1e-300)))
     return _place(found, *place, confirmed.changes[channel], share, own[channel])
 
