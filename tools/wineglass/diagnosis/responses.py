@@ -29,7 +29,7 @@ NOISE_LIKE = ("excess_noise", "flicker_noise", "clock_jitter", "interference", "
 """Effects whose mean over a frame is nothing, or that are over within a few: diagnosis/noise_level.py looks for them."""
 STEP_S = 0.04  # of the envelope twin
 STAIRS, DEAD_BANDS = "thermometer_quantisation", (0.0, 0.25)
-COMPRESSED = 0.05  # of what exceeds the knee
+COMPRESSED = (0.005, 0.05)  # of what exceeds the knee: a knee below the amplitude says little of how much is lost beyond it
 MOST_LIMITED = 0.1  # of a run's slow ticks, beyond the nominal run's: an effect that holds the forces at their limits for longer is refused
 SLOPE_STEP = 0.02  # standard deviations
 WANDER, WANDER_TERMS = "wander of ", {"losses": 48}
@@ -310,7 +310,7 @@ def _clips(bench: Bench) -> list[Whole]:
     """Flat on both sides or on one, just below the amplitude; or less steep from well below it on."""
     amplitude = bench.driven.run.device.firmware.amplitude_fs
     flat = [("loss_fs", min(0.8, 1.0 - amplitude * (1.0 - part)), shape) for part in (0.003, 0.02, 0.1) for shape in ({}, {"negative_part": 0.0})]
-    return [*flat, ("loss_fs", min(0.8, 1.0 - 0.75 * amplitude), {"positive_part": COMPRESSED, "negative_part": COMPRESSED})]
+    return [*flat, *(("loss_fs", min(0.8, 1.0 - 0.75 * amplitude), {"positive_part": part, "negative_part": part}) for part in COMPRESSED)]
 
 
 def stairs_as_seen(stairs: Steps, unit: Device) -> list[dict[str, float]]:
