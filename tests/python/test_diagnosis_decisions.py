@@ -106,6 +106,15 @@ def test_what_a_law_foretells_within_the_floors_is_there(foretold: tuple[float, 
     assert (weighed.none > 0.9) == (verdict == "no_gap")
 
 
+def test_what_has_a_trace_is_no_more_than_that_within_the_floors() -> None:
+    """A clipping that codes show foretells means; whatever seems to be beside it there is not."""
+    both, found = certain("adc_saturation", "frequency_split"), confirmed(None, foretold=(1e4, 1e4))
+    analysis = SimpleNamespace(closed_for=lambda ids: closed("adc_saturation"))
+    for said in (outcome("attributed", "adc_saturation", "frequency_split"), outcome("unknown", "adc_saturation")):
+        held_to, weighed = decisions.held_to_the_gap(analysis, said, both, found, noise("adc_saturation"))  # type: ignore[arg-type]
+        assert held_to.verdict == "attributed" and held_to.named == [("adc_saturation",)] and weighed.marginal("frequency_split") == 0.0
+
+
 def test_noise_alone_explains_no_gap_of_means() -> None:
     said, weighed = held(outcome("attributed", "interference", chosen=False), certain("interference"), 0.0, 2.0 * SHAKEN, noise("interference"))
     assert said.verdict == "unknown" and said.named == [("interference",)]

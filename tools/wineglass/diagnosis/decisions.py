@@ -117,9 +117,10 @@ def _is_there_none(case: _Case) -> Answer | None:
 
 def _does_a_law_show(case: _Case) -> Answer | None:
     """No channel is beyond its floor, but the full twin with an explanation foretells of stretches that it was not fitted on what no noise would let it, whether
-    the unit is that of the explanation or the one which needs no effect."""
+    the unit is that of the explanation or the one which needs no effect. What has a trace of its own needs no law to be there, and may be all that is foretold."""
     foretold = min(case.confirmed.total.foretold, case.confirmed.gained.foretold)
-    if case.removed is not None or case.outcome.chosen is None or foretold < FORETOLD:
+    chosen = case.outcome.chosen
+    if case.removed is not None or chosen is None or set(chosen.support) & case.traced or foretold < FORETOLD:
         return None
     return case.outcome, case.weighed
 
