@@ -21,7 +21,7 @@ def confirmed(removed: float | None, before: float = 50.0, after: float = 2.0, m
     """most: upper end of the interval of what is removed; gained: what the unit leaves without any effect, and what of that goes; foretold: energy of
     both."""
     return SimpleNamespace(total=SimpleNamespace(fraction=removed, before=before, after=after, interval=(0.0, most), foretold=foretold[0]),
-                           gained=SimpleNamespace(before=gained[0], fraction=gained[1], foretold=foretold[1]), changes=[SimpleNamespace(before=before, floor=1.0, fraction=removed)])
+                           gained=SimpleNamespace(before=gained[0], fraction=gained[1], foretold=foretold[1]), changes=[SimpleNamespace(in_floors=before, fraction=removed)])
 
 
 def outcome(verdict: str, *ids: str, chosen: bool = True) -> Outcome:

@@ -37,6 +37,11 @@ class Change:
     """energy in floors that the explanation foretells of what the unit leaves even if it is fitted there, as many independent frames as the channel has; of what
     is brief nothing; of all channels the most"""
 
+    @property
+    def in_floors(self) -> float:
+        """Before, of a channel without noise something very large."""
+        return self.before / max(self.floor, 1e-300)
+
 
 def counted(system: System) -> np.ndarray:
     """(channels, n) bool: frames that count."""

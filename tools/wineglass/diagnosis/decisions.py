@@ -184,7 +184,7 @@ QUESTIONS: tuple[Callable[[_Case], Answer | None], ...] = (
 
 def _worst(confirmed: Confirmed) -> float:
     """In floors, of the channel with the largest gap."""
-    return max((c.before / max(c.floor, 1e-300) for c in confirmed.changes if c.fraction is not None), default=0.0)
+    return max((c.in_floors for c in confirmed.changes if c.fraction is not None), default=0.0)
 
 
 def _untraced(case: _Case) -> int:

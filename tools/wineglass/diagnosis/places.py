@@ -45,11 +45,12 @@ def _traces(found: TwinAnalysis, confirmed: Confirmed, named: list[EffectFound],
     mine = [e for e in named if e.id not in slow]
     time_s = found.grid.time_s
     whole = Region(variable="time", start=float(time_s[0]), stop=float(time_s[-1]), unit="s")
-    worst = max(confirmed.changes, key=lambda c: c.before / max(c.floor, 1e-300) if c.fraction is not None else 0.0)
+    worst = max(confirmed.changes, key=lambda c: c.in_floors if c.fraction is not None else 0.0)
     entries = []
     for effect in mine:
         seen = next((w for w in (noise.where if noise is not None else []) if w[0] == effect.stage), None)
-        channel, component, ratio = (seen[1], seen[2], min(abs(float(seen[3])), LARGEST)) if seen else (worst.channel, component_of(effect.id), min(worst.before / max(worst.floor, 1e-300), LARGEST))
+        channel, component, ratio = (seen[1], seen[2], abs(float(seen[3]))) if seen else (worst.channel, component_of(effect.id), worst.in_floors)
+        ratio = min(ratio, LARGEST)
         entries.append(Where(stage=effect.stage, channel=channel, component=component, share=rest / len(mine), region=whole, size=ratio,
                              unit="floor", ratio_over_floor=ratio))
     return entries
@@ -86,7 +87,7 @@ def _unexplained(found: TwinAnalysis, confirmed: Confirmed, rest: float) -> list
 
 def _place(found: TwinAnalysis, stage: str, component: str, change: Change, share: float, series: np.ndarray) -> Where:
     return Where(stage=stage, channel=change.channel, component=component, share=min(1.0, share), region=_region(found, series),
-                 size=change.before, unit=unit_of(change.channel), ratio_over_floor=change.before / max(change.floor, 1e-300))
+                 size=change.before, unit=unit_of(change.channel), ratio_over_floor=change.in_floors)
 
 
 def _region(found: TwinAnalysis, series: np.ndarray) -> Region:

@@ -102,8 +102,8 @@ def sentence(outcome: Outcome, confirmed: Confirmed) -> str:
     total = confirmed.total
     if outcome.verdict == "no_gap":
         return "No gap: within its tolerances the nominal twin leaves no more than noise in every channel."
-    worst = max(confirmed.changes, key=lambda c: c.before / max(c.floor, 1e-300))
-    size = f"There is a gap, largest in {worst.channel}: {worst.before:.3g} {unit_of(worst.channel)} on held-out data, {worst.before / max(worst.floor, 1e-300):.3g} times the floor"
+    worst = max(confirmed.changes, key=lambda c: c.in_floors)
+    size = f"There is a gap, largest in {worst.channel}: {worst.before:.3g} {unit_of(worst.channel)} on held-out data, {worst.in_floors:.3g} times the floor"
     if total.fraction is None and outcome.chosen is not None:
         most = max(confirmed.changes, key=lambda c: c.foretold)
         size = f"No channel is beyond its floor, but {most.channel} is foretold on held-out data at {np.sqrt(max(0.0, most.foretold)):.3g} standard deviations"
